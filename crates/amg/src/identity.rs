@@ -1,5 +1,6 @@
 //! Identification of edited splats with source splats.
 
+mod exact;
 mod moved;
 mod row;
 mod signature;
@@ -9,14 +10,11 @@ mod tolerance;
 pub use row::Identity;
 
 use crate::AmgError;
-use crate::bit_map::BitMap;
 use crate::options::IdentityParams;
 use crate::row_index::index;
 use crate::similarity::Similarity;
-use foldhash::fast::RandomState;
-use gs_core::{Fnv1a, Splats};
-use rayon::prelude::*;
-use tolerance::{appearance_within, match_by_tolerance};
+use gs_core::Splats;
+use tolerance::match_by_tolerance;
 
 /// Relation of every edited splat to the source splats, by value and never by row.
 ///
@@ -77,7 +75,7 @@ impl IdentityMap {
             if let Some(precision) = &params.precision {
                 stored::matches(source, edited, precision, &mut rows);
             } else {
-                match_by_bits(source, edited, f64::from(params.tolerance), &mut rows);
+                exact::match_by_bits(source, edited, f64::from(params.tolerance), &mut rows);
             }
             if params.tolerance > 0.0 {
                 match_by_tolerance(source, edited, f64::from(params.tolerance), &mut rows);
@@ -193,106 +191,5 @@ impl IdentityMap {
         }
         map.vanished = (0..num_sources).filter(|&id| !present[id]).map(index).collect();
         map
-    }
-}
-
-type GeometryKey = [u32; 10];
-
-/// Bits with one zero. NaN payloads are kept: equal bits are equal values in a file.
-fn bits(value: f32) -> u32 {
-    if value == 0.0 { 0 } else { value.to_bits() }
-}
-
-fn geometry_key(splats: &Splats, i: usize) -> GeometryKey {
-    let mut key = [0; 10];
-    let values = splats.means[i].iter().chain(&splats.quats[i]).chain(&splats.log_scales[i]);
-    for (slot, value) in key.iter_mut().zip(values) {
-        *slot = bits(*value);
-    }
-    key
-}
-
-/// Hash of opacity and colour. Trailing zero coefficients do not count: a missing degree is one of
-/// zeros.
-fn appearance_hash(splats: &Splats, i: usize) -> u64 {
-    let sh = splats.sh_of(i);
-    let kept = sh.iter().rposition(|rgb| rgb.map(bits) != [0; 3]).map_or(0, |last| last + 1);
-    let values = sh[..kept].iter().flatten().chain(std::iter::once(&splats.opacity_logits[i]));
-    let mut hash = Fnv1a::default();
-    values.for_each(|&value| hash.word(bits(value).into()));
-    hash.finish()
-}
-
-fn same_appearance_bits(source: &Splats, s: usize, edited: &Splats, e: usize) -> bool {
-    let padded = |splats: &Splats, i: usize, k: usize| {
-        splats.sh_of(i).get(k).map_or([0; 3], |rgb| rgb.map(bits))
-    };
-    bits(source.opacity_logits[s]) == bits(edited.opacity_logits[e])
-        && (0..source.sh_coeffs().max(edited.sh_coeffs()))
-            .all(|k| padded(source, s, k) == padded(edited, e, k))
-}
-
-/// Source splats with equal bits, returned in order; the last one is returned repeatedly.
-#[derive(Default)]
-struct Pool {
-    ids: Vec<u32>,
-    next: usize,
-}
-
-impl Pool {
-    fn peek(&self) -> u32 {
-        self.ids[self.next.min(self.ids.len() - 1)]
-    }
-
-    fn take(&mut self) -> u32 {
-        let id = self.peek();
-        self.next += 1;
-        id
-    }
-}
-
-fn match_by_bits(source: &Splats, edited: &Splats, tolerance: f64, rows: &mut [Identity]) {
-    let keys_of = |splats: &Splats| -> Vec<(GeometryKey, u64)> {
-        (0..splats.len())
-            .into_par_iter()
-            .map(|i| (geometry_key(splats, i), appearance_hash(splats, i)))
-            .collect()
-    };
-    let (source_keys, edited_keys) = (keys_of(source), keys_of(edited));
-    // Whole splats first, so that each edited row is matched correctly if two source splats
-    // coincide.
-    let mut used = vec![false; source.len()];
-    let mut whole: BitMap<(GeometryKey, u64), Pool> =
-        BitMap::with_capacity_and_hasher(source.len(), RandomState::default());
-    for (id, key) in source_keys.iter().enumerate() {
-        whole.entry(*key).or_default().ids.push(index(id));
-    }
-    for (row, key) in edited_keys.iter().enumerate() {
-        if let Some(pool) = whole.get_mut(key)
-            && same_appearance_bits(source, pool.peek() as usize, edited, row)
-        {
-            let id = pool.take();
-            used[id as usize] = true;
-            rows[row] = Identity::Unchanged(id);
-        }
-    }
-    if rows.iter().all(|row| *row != Identity::Edited) {
-        return;
-    }
-    let mut geometry: BitMap<GeometryKey, Pool> =
-        BitMap::with_capacity_and_hasher(source.len(), RandomState::default());
-    for unused in [true, false] {
-        for (id, key) in source_keys.iter().enumerate().filter(|(id, _)| used[*id] != unused) {
-            geometry.entry(key.0).or_default().ids.push(index(id));
-        }
-    }
-    for (row, key) in edited_keys.iter().enumerate() {
-        if rows[row] == Identity::Edited
-            && let Some(pool) = geometry.get_mut(&key.0)
-        {
-            let id = pool.take();
-            let same = appearance_within(source, id as usize, edited, row, tolerance);
-            rows[row] = if same { Identity::Unchanged(id) } else { Identity::Recoloured(id) };
-        }
     }
 }

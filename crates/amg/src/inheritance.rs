@@ -163,14 +163,15 @@ fn keep_pruned(fates: &mut [Fate], generations: &Generations, at_edit: &Splats) 
     let shown: Vec<usize> = (0..fates.len()).filter(|&id| generations.is_shown(id)).collect();
     let is_gone: Vec<bool> = shown.iter().map(|&id| fates[id] == Fate::Gone).collect();
     let places: Vec<[f64; 3]> = shown.iter().map(|&id| at_edit.means[id].map(f64::from)).collect();
-    let tree = KdTree::<3>::new(&places);
-    let is_hole = tree.map(&places, NEIGHBORS, |_, near| {
+    let gone: Vec<usize> = (0..shown.len()).filter(|&at| is_gone[at]).collect();
+    let around: Vec<[f64; 3]> = gone.iter().map(|&at| places[at]).collect();
+    let is_hole = KdTree::<3>::new(&places).map(&around, NEIGHBORS, |_, near| {
         let gone = near.iter().filter(|n| is_gone[n.id as usize]).count();
         3 * gone >= near.len()
     });
-    for ((&id, gone), hole) in shown.iter().zip(is_gone).zip(is_hole) {
-        if gone && !hole {
-            fates[id] = Fate::Kept;
+    for (at, is_hole) in gone.into_iter().zip(is_hole) {
+        if !is_hole {
+            fates[shown[at]] = Fate::Kept;
         }
     }
 }

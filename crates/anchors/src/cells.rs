@@ -66,7 +66,8 @@ impl Cells {
             // do not matter.
             let cube = |x: &Vec3| params.axes.map(|axis| (dot(&axis, x) / params.edge).round());
             let cubes: Vec<Vec3> = points.rest.iter().map(cube).collect();
-            for i in (0..num).filter(|&i| !outliers[i]) {
+            let order = neighbors.order().iter().map(|&i| i as usize);
+            for i in order.filter(|&i| !outliers[i]) {
                 for (neighbor, agreement) in neighbors.get(i) {
                     let j = neighbor.id as usize;
                     let joined = !outliers[j]

@@ -2,7 +2,11 @@
 //!
 //! A balanced tree: every node halves its points at the median of its widest axis, so coincident
 //! points cost no depth. Nodes lie in preorder, the two subtrees of a node are equal in shape, and
-//! leaves are ranges of one array, so nothing but the split planes is stored.
+//! leaves are ranges of one array.
+//!
+//! A search skips a node by its split planes, which costs one comparison, or else by its bounding
+//! box: where points lie on a surface, a query beside it is near the planes of many nodes but near
+//! the boxes of few.
 
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -38,15 +42,56 @@ pub struct KdTree<const D: usize> {
     points: Vec<[f64; D]>,
     /// Their ids.
     ids: Vec<u32>,
-    splits: Vec<Split>,
+    /// Inner nodes and leaves.
+    nodes: Vec<Node<D>>,
     /// Levels of inner nodes.
     depth: u32,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct Split {
-    value: f64,
-    axis: u32,
+#[derive(Clone, Copy, Debug)]
+struct Node<const D: usize> {
+    bounds: Bounds<D>,
+    /// Where an inner node is split, and the axis.
+    split: f64,
+    axis: usize,
+}
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug)]
+struct Bounds<const D: usize> {
+    low: [f64; D],
+    high: [f64; D],
+}
+
+impl<const D: usize> Bounds<D> {
+    /// The smallest box around `points`.
+    fn of<'a>(points: impl Iterator<Item = &'a [f64; D]>) -> Self {
+        let mut bounds = Self { low: [f64::INFINITY; D], high: [f64::NEG_INFINITY; D] };
+        for point in points {
+            for d in 0..D {
+                bounds.low[d] = bounds.low[d].min(point[d]);
+                bounds.high[d] = bounds.high[d].max(point[d]);
+            }
+        }
+        bounds
+    }
+
+    /// Squared distance from a point. In the order of [`distance_squared`], so that rounding never
+    /// pushes it above the distance of a point in the box.
+    #[inline]
+    fn distance_squared(&self, x: &[f64; D]) -> f64 {
+        let mut sum = 0.0;
+        for d in 0..D {
+            let gap = (self.low[d] - x[d]).max(x[d] - self.high[d]).max(0.0);
+            sum += gap * gap;
+        }
+        sum
+    }
+
+    fn widest_axis(&self) -> usize {
+        let width = |d: usize| self.high[d] - self.low[d];
+        (0..D).fold(0, |widest, d| if width(d) > width(widest) { d } else { widest })
+    }
 }
 
 /// Maximum number of points of a leaf.
@@ -75,10 +120,11 @@ impl<const D: usize> KdTree<D> {
             depth += 1;
         }
         let mut points: Vec<([f64; D], u32)> = points.iter().copied().zip(0..).collect();
-        let mut splits = vec![Split::default(); (1 << depth) - 1];
-        build(&mut points, &mut splits);
+        let empty = Node { bounds: Bounds::of([].iter()), split: 0.0, axis: 0 };
+        let mut nodes = vec![empty; (2 << depth) - 1];
+        build(&mut points, &mut nodes);
         let (points, ids) = points.into_iter().unzip();
-        Self { points, ids, splits, depth }
+        Self { points, ids, nodes, depth }
     }
 
     /// Number of points.
@@ -94,22 +140,22 @@ impl<const D: usize> KdTree<D> {
     /// The `k` points nearest to `query` (all, if there are fewer), in ascending order of
     /// (distance, id); `out` is cleared first. Ties at the last place go to the lowest ids.
     pub fn nearest(&self, query: &[f64; D], k: usize, out: &mut Vec<Neighbor>) {
-        self.nearest_except(query, k, u32::MAX, out);
+        self.search(query, k, (u32::MAX, f64::INFINITY), out);
     }
 
-    /// [`Self::nearest`] without the point `except`.
-    pub(crate) fn nearest_except(
+    /// [`Self::nearest`] without the point `except`, and within the squared distance `limit`.
+    fn search(
         &self,
         query: &[f64; D],
         k: usize,
-        except: u32,
+        (except, limit): (u32, f64),
         out: &mut Vec<Neighbor>,
     ) {
         out.clear();
         if k == 0 {
             return;
         }
-        let mut search = Search { tree: self, query, k, except, best: out, limit: f64::INFINITY };
+        let mut search = Search { tree: self, query, k, except, found: out, limit };
         search.visit(0, self.depth, 0, self.points.len(), [0.0; D], 0.0);
         if k > ORDERED {
             search.drop_farther();
@@ -126,6 +172,18 @@ impl<const D: usize> KdTree<D> {
         k: usize,
         each: impl Fn(usize, &[Neighbor]) -> R + Sync,
     ) -> Vec<R> {
+        self.map_within(queries, k, f64::INFINITY, each)
+    }
+
+    /// [`Self::map`] with neighbours up to `distance` (inclusive) only, in the points' unit. The
+    /// shorter the distance, the faster.
+    pub fn map_within<R: Send>(
+        &self,
+        queries: &[[f64; D]],
+        k: usize,
+        distance: f64,
+        each: impl Fn(usize, &[Neighbor]) -> R + Sync,
+    ) -> Vec<R> {
         let mut order: Vec<(u32, u32)> = queries
             .par_iter()
             .zip(0_u32..queries.len() as u32)
@@ -136,7 +194,7 @@ impl<const D: usize> KdTree<D> {
             .par_chunks(QUERY_BLOCK)
             .map_init(Vec::new, |found, block| {
                 let query = |&(_, i): &(u32, u32)| {
-                    self.nearest(&queries[i as usize], k, found);
+                    self.search(&queries[i as usize], k, (u32::MAX, distance * distance), found);
                     (i, each(i as usize, found))
                 };
                 block.iter().map(query).collect()
@@ -149,69 +207,98 @@ impl<const D: usize> KdTree<D> {
         in_order.into_iter().flatten().collect()
     }
 
-    /// Number of the leaf in whose region `x` lies, in preorder.
+    /// Whether a point is within `distance` (inclusive) of `query`, in the points' unit.
+    pub fn any_within(&self, query: &[f64; D], distance: f64) -> bool {
+        let limit = distance * distance;
+        let mut subtrees = vec![(0, self.depth, 0, self.points.len())];
+        while let Some((node, depth, from, to)) = subtrees.pop() {
+            let Node { bounds, split, axis } = &self.nodes[node];
+            if bounds.distance_squared(query) > limit {
+                continue;
+            }
+            if depth == 0 {
+                if self.points[from..to].iter().any(|x| distance_squared(query, x) <= limit) {
+                    return true;
+                }
+                continue;
+            }
+            let mid = from + (to - from) / 2;
+            let left = (node + 1, depth - 1, from, mid);
+            let right = (node + (1 << depth), depth - 1, mid, to);
+            // The one popped first is on the query's side.
+            let order = if query[*axis] < *split { [right, left] } else { [left, right] };
+            subtrees.extend(order);
+        }
+        false
+    }
+
+    /// Number of the leaf on whose side of all split planes `x` lies, in preorder.
     fn leaf(&self, x: &[f64; D]) -> u32 {
         let mut node = 0;
-        for depth in (0..self.depth).rev() {
-            let Split { value, axis } = self.splits[node];
-            node += if x[axis as usize] < value { 1 } else { 1 << depth };
+        for depth in (1..=self.depth).rev() {
+            let Node { split, axis, .. } = self.nodes[node];
+            node += if x[axis] < split { 1 } else { 1 << depth };
         }
         node as u32
     }
 
-    /// The `k` nearest others of every point, `[N,k]`, each list in ascending order of (distance,
-    /// id). There must be more than `k` points.
-    pub(crate) fn all_nearest(&self, k: usize) -> Vec<Neighbor> {
-        let query = |found: &mut Vec<Neighbor>, (points, ids): (&[[f64; D]], &[u32])| {
-            let mut lists = Vec::with_capacity(k * points.len());
-            for (point, id) in points.iter().zip(ids) {
-                self.nearest_except(point, k, *id, found);
-                lists.extend_from_slice(found);
-            }
-            lists
-        };
-        let blocks = self.points.par_chunks(QUERY_BLOCK).zip(self.ids.par_chunks(QUERY_BLOCK));
-        let blocks: Vec<Vec<Neighbor>> = blocks.map_init(Vec::new, query).collect();
-        let mut by_id = vec![Neighbor { distance_squared: 0.0, id: 0 }; k * self.points.len()];
-        if k > 0 {
-            let lists = blocks.iter().flat_map(|block| block.chunks_exact(k));
-            for (id, list) in self.ids.iter().zip(lists) {
-                by_id[*id as usize * k..][..k].copy_from_slice(list);
-            }
-        }
-        by_id
+    /// Ids of the points in leaf order, `[N]`.
+    pub(crate) fn ids(&self) -> &[u32] {
+        &self.ids
     }
 
-    /// Calls `each` with the id of every point of the tree and its `k` nearest others, and
-    /// collects what it returns by id. Runs in leaf order, so that queries share cache lines.
+    /// Ids of the `k` nearest others of every point in leaf order, `[N,k]`, each list in ascending
+    /// order of (distance, id). There must be more than `k` points.
+    pub(crate) fn all_nearest(&self, k: usize) -> Vec<u32> {
+        let mut lists = vec![0; k * self.points.len()];
+        if k > 0 {
+            let points = self.points.par_iter().zip(&self.ids).zip(lists.par_chunks_mut(k));
+            points.with_min_len(QUERY_BLOCK).for_each_init(
+                Vec::new,
+                |found, ((point, id), list)| {
+                    self.search(point, k, (*id, f64::INFINITY), found);
+                    for (slot, neighbor) in list.iter_mut().zip(found) {
+                        *slot = neighbor.id;
+                    }
+                },
+            );
+        }
+        lists
+    }
+
+    /// Calls `each` with the `k` nearest others of every point of the tree, and collects what it
+    /// returns by id. Runs in leaf order, so that queries share cache lines.
     pub(crate) fn map_nearest<R: Send + Default + Clone>(
         &self,
         k: usize,
-        each: impl Fn(u32, &[Neighbor]) -> R + Sync,
+        each: impl Fn(&[Neighbor]) -> R + Sync,
     ) -> Vec<R> {
-        let query = |found: &mut Vec<Neighbor>, (points, ids): (&[[f64; D]], &[u32])| {
-            let one = |(point, id): (&[f64; D], &u32)| {
-                self.nearest_except(point, k, *id, found);
-                each(*id, found)
-            };
-            points.iter().zip(ids).map(one).collect()
-        };
-        let blocks = self.points.par_chunks(QUERY_BLOCK).zip(self.ids.par_chunks(QUERY_BLOCK));
-        let blocks: Vec<Vec<R>> = blocks.map_init(Vec::new, query).collect();
+        let points = self.points.par_iter().zip(&self.ids).with_min_len(QUERY_BLOCK);
+        let results: Vec<R> = points
+            .map_init(Vec::new, |found, (point, id)| {
+                self.search(point, k, (*id, f64::INFINITY), found);
+                each(found)
+            })
+            .collect();
         let mut by_id = vec![R::default(); self.points.len()];
-        for (id, value) in self.ids.iter().zip(blocks.into_iter().flatten()) {
+        for (id, value) in self.ids.iter().zip(results) {
             by_id[*id as usize] = value;
         }
         by_id
     }
 }
 
-fn build<const D: usize>(points: &mut [([f64; D], u32)], splits: &mut [Split]) {
-    let Some((root, rest)) = splits.split_first_mut() else { return };
-    let axis = widest_axis(points);
+/// Orders `points` and fills `nodes`, as many as a tree of their depth has.
+fn build<const D: usize>(points: &mut [([f64; D], u32)], nodes: &mut [Node<D>]) {
+    let Some((root, rest)) = nodes.split_first_mut() else { return };
+    root.bounds = Bounds::of(points.iter().map(|(point, _)| point));
+    if rest.is_empty() {
+        return;
+    }
+    let axis = root.bounds.widest_axis();
     let mid = points.len() / 2;
     points.select_nth_unstable_by(mid, |a, b| a.0[axis].total_cmp(&b.0[axis]));
-    *root = Split { value: points[mid].0[axis], axis: axis as u32 };
+    (root.split, root.axis) = (points[mid].0[axis], axis);
     let (low, high) = points.split_at_mut(mid);
     let (left, right) = rest.split_at_mut(rest.len() / 2);
     if low.len() < PARALLEL_BUILD {
@@ -222,32 +309,22 @@ fn build<const D: usize>(points: &mut [([f64; D], u32)], splits: &mut [Split]) {
     }
 }
 
-fn widest_axis<const D: usize>(points: &[([f64; D], u32)]) -> usize {
-    let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
-    for (p, _) in points {
-        for d in 0..D {
-            low[d] = low[d].min(p[d]);
-            high[d] = high[d].max(p[d]);
-        }
-    }
-    (0..D).fold(0, |best, d| if high[d] - low[d] > high[best] - low[best] { d } else { best })
-}
-
 struct Search<'a, const D: usize> {
     tree: &'a KdTree<D>,
     query: &'a [f64; D],
     k: usize,
     except: u32,
-    /// Best neighbours so far: in ascending order, or up to twice the requested number in any
+    /// Nearest neighbours so far: in ascending order, or up to twice the requested number in any
     /// order.
-    best: &'a mut Vec<Neighbor>,
+    found: &'a mut Vec<Neighbor>,
     /// Squared distance beyond which nothing is among the `k` nearest.
     limit: f64,
 }
 
 impl<const D: usize> Search<'_, D> {
     /// Visits the subtree at `node` with `depth` inner levels over `points[from..to]`. `offset` is
-    /// the vector from the query to the node's region, `bound` its squared length.
+    /// the vector from the query to the part of space that the split planes leave to it, `bound`
+    /// its squared length.
     fn visit(
         &mut self,
         node: usize,
@@ -257,21 +334,20 @@ impl<const D: usize> Search<'_, D> {
         offset: [f64; D],
         bound: f64,
     ) {
+        let Node { bounds, split, axis } = &self.tree.nodes[node];
         // At a bound equal to the worst distance, there may still be a point with a lower id.
-        if bound > self.limit {
+        if bound > self.limit || (bound > 0.0 && bounds.distance_squared(self.query) > self.limit) {
             return;
         }
         if depth == 0 {
             self.scan(from, to);
             return;
         }
-        let Split { value, axis } = self.tree.splits[node];
-        let axis = axis as usize;
         let mid = from + (to - from) / 2;
-        let (left, right) = (node + 1, node + (1 << (depth - 1)));
-        let gap = self.query[axis] - value;
+        let (left, right) = (node + 1, node + (1 << depth));
+        let gap = self.query[*axis] - split;
         let mut far_offset = offset;
-        far_offset[axis] = gap;
+        far_offset[*axis] = gap;
         // Recomputed in the order of `distance_squared`, so that rounding never pushes the bound of
         // a region above the distance of a point in it.
         let far_bound = far_offset.iter().fold(0.0, |sum, x| sum + x * x);
@@ -292,35 +368,35 @@ impl<const D: usize> Search<'_, D> {
             }
             let found = Neighbor { distance_squared, id: *id };
             if self.k > ORDERED {
-                self.best.push(found);
+                self.found.push(found);
                 continue;
             }
-            if self.best.len() < self.k {
-                self.best.push(found);
-            } else if !found.before(&self.best[self.k - 1]) {
+            if self.found.len() < self.k {
+                self.found.push(found);
+            } else if !found.before(&self.found[self.k - 1]) {
                 continue;
             }
-            let mut place = self.best.len() - 1;
-            while place > 0 && found.before(&self.best[place - 1]) {
-                self.best[place] = self.best[place - 1];
+            let mut place = self.found.len() - 1;
+            while place > 0 && found.before(&self.found[place - 1]) {
+                self.found[place] = self.found[place - 1];
                 place -= 1;
             }
-            self.best[place] = found;
-            if self.best.len() == self.k {
-                self.limit = self.best[self.k - 1].distance_squared;
+            self.found[place] = found;
+            if self.found.len() == self.k {
+                self.limit = self.found[self.k - 1].distance_squared;
             }
         }
-        if self.best.len() >= 2 * self.k {
+        if self.found.len() >= 2 * self.k {
             self.drop_farther();
         }
     }
 
     /// Keeps the `k` nearest of the collected neighbours.
     fn drop_farther(&mut self) {
-        if self.best.len() >= self.k {
-            let (_, last, _) = self.best.select_nth_unstable_by(self.k - 1, Neighbor::order);
+        if self.found.len() >= self.k {
+            let (_, last, _) = self.found.select_nth_unstable_by(self.k - 1, Neighbor::order);
             self.limit = last.distance_squared;
-            self.best.truncate(self.k);
+            self.found.truncate(self.k);
         }
     }
 }

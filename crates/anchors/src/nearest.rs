@@ -31,10 +31,10 @@ pub(crate) fn all_nearest<const D: usize>(ranked: &[[f64; D]], k: usize) -> Vec<
     let all_kept = kept.len() == ranked.len();
     if k == 2 && all_kept && full_runs.is_empty() {
         // The default, without the indirections of the general case.
-        let pairs = tree.map_nearest(2, |_, found| [found[0].id, found[1].id]);
+        let pairs = tree.map_nearest(2, |found| [found[0].id, found[1].id]);
         return pairs.into_flattened();
     }
-    let lists = tree.map_nearest(k, |_, found| {
+    let lists = tree.map_nearest(k, |found| {
         found.iter().map(|n| kept_ranks[n.id as usize]).collect::<Vec<u32>>()
     });
     let mut nearest = vec![0; ranked.len() * k];

@@ -1,6 +1,7 @@
 //! Trajectories of points, and rigidity of their neighbourhoods.
 
 use rayon::prelude::*;
+use std::ops::Range;
 
 use crate::kdtree::{KdTree, Neighbor};
 use crate::median::median;
@@ -62,33 +63,59 @@ pub struct RigidNeighbors {
 }
 
 /// The nearest others of every point, each list ascending by (distance, id).
+///
+/// Lists are stored in the order of a k-d tree: those of points that lie together are adjacent.
+/// Distances are computed when they are asked for, which saves two thirds of the memory.
 #[derive(Clone, Debug)]
 pub struct Neighbors {
-    lists: Vec<Neighbor>,
+    /// Ids of the neighbours, list by list.
+    lists: Vec<u32>,
     per_point: usize,
+    /// Point of each list.
+    ids: Vec<u32>,
+    /// List of each point.
+    places: Vec<u32>,
+    points: Vec<[f64; 3]>,
 }
 
 impl Neighbors {
     /// The `k` nearest others (all, if there are fewer) of every point of `points` `[N,3]`.
     pub fn of(points: &[[f64; 3]], k: usize) -> Self {
         let per_point = k.min(points.len().saturating_sub(1));
-        Self { lists: KdTree::<3>::new(points).all_nearest(per_point), per_point }
+        let tree = KdTree::<3>::new(points);
+        let ids = tree.ids().to_vec();
+        let mut places = vec![0; ids.len()];
+        for (place, id) in (0..).zip(&ids) {
+            places[*id as usize] = place;
+        }
+        let lists = tree.all_nearest(per_point);
+        Self { lists, per_point, ids, places, points: points.to_vec() }
     }
 
     /// Neighbours of point `i`.
-    pub fn get(&self, i: usize) -> &[Neighbor] {
-        &self.lists[i * self.per_point..(i + 1) * self.per_point]
+    pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = Neighbor> + Clone + '_ {
+        let point = &self.points[i];
+        self.lists[self.range(i)].iter().map(|&id| {
+            let distance_squared = distance_squared(point, &self.points[id as usize]);
+            Neighbor { distance_squared, id }
+        })
     }
 
-    /// Distance of the sixth neighbour (the last, if there are fewer) of each of the `num_points`
-    /// points over √2, `[N]`; 0 without neighbours.
-    pub fn spacing(&self, num_points: usize) -> Vec<f64> {
+    /// Where the list of point `i` is.
+    fn range(&self, i: usize) -> Range<usize> {
+        let first = self.places[i] as usize * self.per_point;
+        first..first + self.per_point
+    }
+
+    /// Distance of the sixth neighbour (the last, if there are fewer) of each point over √2, `[N]`;
+    /// 0 without neighbours.
+    pub fn spacing(&self) -> Vec<f64> {
         let rank = SPACING_RANK.min(self.per_point);
         let of = |i: usize| {
-            let last = self.get(i)[..rank].last();
+            let last = rank.checked_sub(1).and_then(|last| self.get(i).nth(last));
             last.map_or(0.0, |n| n.distance_squared.sqrt()) / std::f64::consts::SQRT_2
         };
-        (0..num_points).map(of).collect()
+        (0..self.points.len()).into_par_iter().with_min_len(1024).map(of).collect()
     }
 }
 
@@ -122,15 +149,18 @@ impl Trajectories {
     /// Largest change over time of the distance between `a` and `b`, which is `rest` at rest, times
     /// the presence of both.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
-        let mut worst = 0.0_f64;
-        for (k, (x, y)) in self.places(a).iter().zip(self.places(b)).enumerate() {
-            let mut change = (distance_squared(x, y).sqrt() - rest).abs();
-            if !self.presence.is_empty() {
-                change *= self.present(k, a).min(self.present(k, b));
-            }
-            worst = worst.max(change);
+        let squares =
+            self.places(a).iter().zip(self.places(b)).map(|(x, y)| distance_squared(x, y));
+        if self.presence.is_empty() {
+            // Square roots and differences are monotonic, after rounding too.
+            let extremes = |(least, most): (f64, f64), d: f64| (least.min(d), most.max(d));
+            let (least, most) = squares.fold((f64::INFINITY, f64::NEG_INFINITY), extremes);
+            return 0.0_f64.max(most.sqrt() - rest).max(rest - least.sqrt());
         }
-        worst
+        let changes = squares.enumerate().map(|(k, squared)| {
+            (squared.sqrt() - rest).abs() * self.present(k, a).min(self.present(k, b))
+        });
+        changes.fold(0.0, f64::max)
     }
 }
 
@@ -144,42 +174,47 @@ impl RigidNeighbors {
     /// If `moving` or `presence` is too short for the number of points.
     pub fn of(points: &Trajectories, strain: f64) -> Self {
         let near = Neighbors::of(&points.rest, NEIGHBORS);
-        let spacing = near.spacing(points.len());
-        let deviations: Vec<f64> = (0..points.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .flat_map_iter(|i| {
-                let others = near.get(i).iter();
-                others.map(move |n| points.deviation(i, n.id as usize, n.distance_squared.sqrt()))
-            })
-            .collect();
+        let spacing = near.spacing();
         let per_point = near.per_point.max(1);
-        let close = |(slot, _): &(usize, &f64)| {
-            points.moving[slot / per_point] && slot % per_point < NOISE_NEIGHBORS
-        };
-        let pooled = deviations.iter().enumerate().filter(close).map(|(_, d)| *d);
-        let noise = median(&mut pooled.collect::<Vec<f64>>());
-        let lengths = near.lists.iter().map(|n| n.distance_squared.sqrt());
-        let agreement = deviations
-            .iter()
-            .zip(lengths)
-            .map(|(&deviation, length)| agreement(deviation, length, noise, strain))
-            .collect();
+        // First the deviations.
+        let mut agreement = vec![0.0; near.lists.len()];
+        let lists = agreement.par_chunks_mut(per_point).zip(&near.ids).with_min_len(256);
+        lists.for_each(|(own, &i)| {
+            for (value, n) in own.iter_mut().zip(near.get(i as usize)) {
+                let rest = n.distance_squared.sqrt();
+                *value = points.deviation(i as usize, n.id as usize, rest);
+            }
+        });
+        let moving = near.ids.iter().zip(agreement.chunks(per_point));
+        let close = moving
+            .filter(|(i, _)| points.moving[**i as usize])
+            .flat_map(|(_, deviations)| deviations.iter().take(NOISE_NEIGHBORS).copied());
+        let noise = median(&mut close.collect::<Vec<f64>>());
+        let lists = agreement.par_chunks_mut(per_point).zip(&near.ids).with_min_len(256);
+        lists.for_each(|(own, &i)| {
+            for (value, n) in own.iter_mut().zip(near.get(i as usize)) {
+                *value = agreement_of(*value, n.distance_squared.sqrt(), noise, strain);
+            }
+        });
         Self { near, agreement, spacing, noise, strain }
+    }
+
+    /// The points in an order in which those that lie together mostly follow each other, `[N]`.
+    pub(crate) fn order(&self) -> &[u32] {
+        &self.near.ids
     }
 
     /// Neighbours of point `i`, nearest first, with their agreement: 1 if the distance never
     /// changes, near 0 if it changes by much more than noise and strain.
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
-        let first = i * self.near.per_point;
-        let own = &self.agreement[first..first + self.near.per_point];
-        self.near.get(i).iter().copied().zip(own.iter().copied())
+        let own = &self.agreement[self.near.range(i)];
+        self.near.get(i).zip(own.iter().copied())
     }
 
     /// Agreement of any two points `a` and `b` of `points`, the cloud this was built from.
     pub fn between(&self, points: &Trajectories, a: usize, b: usize) -> f64 {
         let rest = distance_squared(&points.rest[a], &points.rest[b]).sqrt();
-        agreement(points.deviation(a, b, rest), rest, self.noise, self.strain)
+        agreement_of(points.deviation(a, b, rest), rest, self.noise, self.strain)
     }
 
     /// Weight of a neighbour of point `i`: its own weight times `exp(−½ (distance / 2 spacing)²)`.
@@ -214,7 +249,7 @@ impl RigidNeighbors {
     }
 }
 
-fn agreement(deviation: f64, length: f64, noise: f64, strain: f64) -> f64 {
+fn agreement_of(deviation: f64, length: f64, noise: f64, strain: f64) -> f64 {
     let stiff = NOISE_REACH * noise + strain * length;
     if stiff > 0.0 { (-0.5 * (deviation / stiff).powi(2)).exp() } else { 1.0 }
 }

@@ -45,7 +45,7 @@ pub(crate) fn default_gap(points: &[Point]) -> f64 {
     }
     let nearest = Neighbors::of(&points, 1);
     let mut distances: Vec<f64> =
-        (0..points.len()).map(|i| nearest.get(i)[0].distance_squared.sqrt()).collect();
+        (0..points.len()).flat_map(|i| nearest.get(i).map(|n| n.distance_squared.sqrt())).collect();
     GAPS * nearest_rank(&mut distances, 0.5).unwrap_or(0.0)
 }
 

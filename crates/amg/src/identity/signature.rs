@@ -2,9 +2,9 @@
 
 use crate::bit_map::BitMap;
 use crate::row_index::index;
-use foldhash::fast::RandomState;
 use gs_core::{Precision, Splats};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Number of source splats paired with a row.
 const CANDIDATES: usize = 6;
@@ -84,13 +84,17 @@ pub(super) fn candidates(
 
 /// Source splats by signature, in cells as wide as two limits.
 struct SignatureTable {
-    cells: BitMap<[i64; CELL_VALUES.len()], Vec<u32>>,
+    /// Source splats in the order of (cell, id).
+    ids: Vec<u32>,
+    /// Which of them each cell has.
+    cells: BitMap<Cell, Range<u32>>,
     signatures: Vec<[f64; SIGNATURE]>,
     width: [f64; SIGNATURE],
 }
 
 /// Values of a signature by which cells are numbered: the proportions, red and green.
 const CELL_VALUES: [usize; 4] = [0, 1, 3, 4];
+type Cell = [i64; CELL_VALUES.len()];
 /// Maximum number of splats of a cell that are compared. Signatures shared by more are not
 /// informative.
 const MAX_OF_CELL: usize = 256;
@@ -100,18 +104,20 @@ impl SignatureTable {
         let signatures: Vec<[f64; SIGNATURE]> =
             (0..source.len()).into_par_iter().map(|i| signature(source, i)).collect();
         let width = limits.map(|limit| 2.0 * limit);
-        let mut table = Self {
-            cells: BitMap::with_capacity_and_hasher(ids.len(), RandomState::default()),
-            signatures,
-            width,
-        };
-        for id in ids {
-            let cell = CELL_VALUES.map(|k| table.place(k, table.signatures[id as usize][k]).0);
-            let members = table.cells.entry(cell).or_default();
-            if members.len() < MAX_OF_CELL {
-                members.push(id);
-            }
+        let mut table = Self { ids: Vec::new(), cells: BitMap::default(), signatures, width };
+        let cell_of =
+            |id: u32| CELL_VALUES.map(|k| table.place(k, table.signatures[id as usize][k]).0);
+        let mut sorted: Vec<(Cell, u32)> =
+            ids.into_par_iter().with_min_len(1024).map(|id| (cell_of(id), id)).collect();
+        sorted.par_sort_unstable();
+        let (mut cells, mut first) = (BitMap::default(), 0);
+        for members in sorted.chunk_by(|a, b| a.0 == b.0) {
+            let compared = index(members.len().min(MAX_OF_CELL));
+            cells.insert(members[0].0, first..first + compared);
+            first += index(members.len());
         }
+        table.ids = sorted.into_iter().map(|(_, id)| id).collect();
+        table.cells = cells;
         table
     }
 
@@ -140,13 +146,14 @@ impl SignatureTable {
             if (0..CELL_VALUES.len()).any(|k| (corner >> k) & 1 == 1 && !split[k]) {
                 continue;
             }
-            let cell: [i64; CELL_VALUES.len()] =
+            let cell: Cell =
                 std::array::from_fn(
                     |k| {
                         if (corner >> k) & 1 == 1 { places[k].1 } else { places[k].0 }
                     },
                 );
-            for &id in self.cells.get(&cell).into_iter().flatten() {
+            let Some(members) = self.cells.get(&cell) else { continue };
+            for &id in &self.ids[members.start as usize..members.end as usize] {
                 let other = &self.signatures[id as usize];
                 if (0..SIGNATURE).all(|k| (other[k] - wanted[k]).abs() <= limits[k]) {
                     let apart = |k: usize| ((other[k] - wanted[k]) / self.width[k]).powi(2);

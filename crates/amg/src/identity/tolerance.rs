@@ -28,7 +28,11 @@ pub(super) fn match_by_tolerance(
         .filter(|&row| rows[row] == Identity::Edited && edited.is_finite(row))
         .collect();
     let places: Vec<[f64; 3]> = open.iter().map(|&row| edited.means[row].map(f64::from)).collect();
-    let found = KdTree::<3>::new(&points).map(&places, CANDIDATES, |i, near| {
+    // No splat farther than this is in place: √3 times the limit of a coordinate, and rounding.
+    let largest = places.iter().chain(&points).map(|&x| largest_coordinate(x)).fold(0.0, f64::max);
+    let reach = 3.0_f64.sqrt()
+        * place_limit(largest, middles.iter().copied().fold(0.0, f64::max), tolerance);
+    let found = KdTree::<3>::new(&points).map_within(&places, CANDIDATES, reach, |i, near| {
         let near = near.iter().filter(|n| {
             let n = n.id as usize;
             is_in_place(points[n], places[i], middles[n], tolerance)
@@ -48,9 +52,17 @@ fn sorted(mut values: [f64; 3]) -> [f64; 3] {
 /// Whether two positions agree within the rounding of coordinates, or within a small share of the
 /// splat's size.
 fn is_in_place(x: [f64; 3], y: [f64; 3], middle_scale: f64, tolerance: f64) -> bool {
-    let largest = x.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
-    let limit = tolerance * (2e-6 * largest).max(1e-3 * middle_scale);
+    let limit = place_limit(largest_coordinate(x), middle_scale, tolerance);
     (0..3).all(|axis| (x[axis] - y[axis]).abs() <= limit)
+}
+
+/// Largest difference of a coordinate that rounding explains, world units.
+fn place_limit(largest_coordinate: f64, middle_scale: f64, tolerance: f64) -> f64 {
+    tolerance * (2e-6 * largest_coordinate).max(1e-3 * middle_scale)
+}
+
+fn largest_coordinate(x: [f64; 3]) -> f64 {
+    x.iter().fold(0.0, |m, c| m.max(c.abs()))
 }
 
 fn best_within(

@@ -8,7 +8,7 @@
 //! motion only if nearly all of their contact has it. A detached piece moves with the nearest part.
 
 use super::edit::Edit;
-use super::graph::Link;
+use super::graph::Graph;
 use super::numeric::TINY;
 use super::region_motion::RegionMotion;
 use super::source::Regions;
@@ -69,8 +69,7 @@ pub(super) struct NewPieces<'a> {
     pub(super) edit: &'a Edit,
     /// Region of each matched edited splat, `[E]`.
     pub(super) matched: &'a [Option<u32>],
-    pub(super) links: &'a [Link],
-    pub(super) spacing: &'a [f64],
+    pub(super) graph: &'a Graph,
     /// Distance from every source beyond which a splat is new, world units.
     pub(super) new_geometry: f64,
     /// Distance from the rest of the edit beyond which a piece has no attachment, world units.
@@ -224,11 +223,10 @@ impl NewPieces<'_> {
     fn components(&self, gaps: &[Option<f64>]) -> Vec<Vec<usize>> {
         let is_new = |e: usize| gaps[e].is_some();
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
-        for &(a, b) in self.links {
+        for (a, b, length) in self.graph.links(&|i, j| is_new(i) && is_new(j)) {
             let (i, j) = (a as usize, b as usize);
-            let d = crate::rigid::sub(self.edit.means[i], self.edit.means[j]);
-            let step = STEP * self.spacing[i].max(self.spacing[j]);
-            if is_new(i) && is_new(j) && crate::rigid::norm(d) <= step {
+            let step = STEP * self.graph.spacing[i].max(self.graph.spacing[j]);
+            if length <= step {
                 around[i].push(b);
                 around[j].push(a);
             }

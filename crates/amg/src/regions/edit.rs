@@ -175,10 +175,11 @@ pub(super) fn involved(
     let tree = KdTree::<3>::new(&points);
     let mut rows: Vec<usize> =
         (0..edited.len()).filter(|&row| identity.rows[row].in_place().is_some()).collect();
-    let places: Vec<[f64; 3]> = rows.iter().map(|&row| edited.means[row].map(f64::from)).collect();
-    let near_enough = tree.map(&places, 1, |_, near| {
-        near.first().is_some_and(|n| n.distance_squared.sqrt() <= reach)
-    });
+    let near_enough: Vec<bool> = rows
+        .par_iter()
+        .with_min_len(256)
+        .map(|&row| tree.any_within(&edited.means[row].map(f64::from), reach))
+        .collect();
     let mut near_enough = near_enough.into_iter();
     rows.retain(|_| near_enough.next() == Some(true));
     rows.extend_from_slice(open);

@@ -3,7 +3,7 @@
 use super::attachment::NewPieces;
 use super::candidates::Candidates;
 use super::edit::Edit;
-use super::graph;
+use super::graph::{self, Graph};
 use super::posterior::Posterior;
 use super::region_motion::RegionMotion;
 use super::source::Regions;
@@ -39,15 +39,14 @@ impl FollowInputs<'_> {
     pub(super) fn followed(&self) -> Vec<Followed> {
         let Self { regions, motion, edit, .. } = *self;
         let matched: Vec<Option<u32>> = (0..edit.len()).map(|e| self.matched(e)).collect();
-        let (links, spacing) = graph::links(&edit.means);
-        let seeds = graph::nearest_seed(&edit.means, &links, |e| matched[e].is_some());
+        let graph = Graph::of(&edit.means);
+        let seeds = graph::nearest_seed(&graph, |e| matched[e].is_some());
         let pieces = NewPieces {
             regions,
             motion,
             edit,
             matched: &matched,
-            links: &links,
-            spacing: &spacing,
+            graph: &graph,
             new_geometry: self.new_geometry,
             reach: self.reach,
         };

@@ -107,20 +107,37 @@ pub(crate) fn bind(
     let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
     let space = SearchSpace { regions, motion, edit, tolerance: tolerance(params.same_motion) };
     let cubes = Cubes::of(space, tree, pose.axes, params.region_size * size);
-    let candidates = &Candidates::of(space, normals, &cubes);
+    let candidates = Candidates::of(space, normals, &cubes);
     lap("candidates", report);
 
     progress("posterior", 0.0);
-    let inputs = Inputs { regions, neighbors, motion, candidates, edit, params, figure_size: size };
+    let inputs = Inputs {
+        regions,
+        neighbors,
+        motion,
+        candidates: &candidates,
+        edit,
+        params,
+        figure_size: size,
+    };
     let posteriors = &Model::estimate(&inputs).posteriors();
     lap("posterior", report);
 
     progress("support", 0.0);
     let new_geometry = params.new_geometry * size;
     let reach = f64::from(work.options.reach) * size;
-    let inputs =
-        FollowInputs { regions, motion, edit, candidates, posteriors, new_geometry, reach };
+    let inputs = FollowInputs {
+        regions,
+        motion,
+        edit,
+        candidates: &candidates,
+        posteriors,
+        new_geometry,
+        reach,
+    };
     let followed = inputs.followed();
+    // Large, and not used further.
+    drop(candidates);
     let is_open = |e: usize| edit.exact[e].is_none();
     let out_of_reach = |&e: &usize| is_open(e) && matches!(followed[e], Followed::Nothing);
     report.out_of_reach = (0..edit.len()).filter(out_of_reach).count();
@@ -221,18 +238,21 @@ fn compare(a: &[f32], b: &[f32]) -> Ordering {
 
 /// Rows sorted by the values of the splats, and by their positions `later`, so that the order does
 /// not depend on the file.
-fn lexicographic(mut rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
-    rows.par_sort_by(|&a, &b| {
-        compare(&splats.means[a], &splats.means[b])
-            .then_with(|| compare(&splats.quats[a], &splats.quats[b]))
+fn lexicographic(rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> Vec<usize> {
+    let compare_rest = |a: usize, b: usize| {
+        compare(&splats.quats[a], &splats.quats[b])
             .then_with(|| compare(&splats.log_scales[a], &splats.log_scales[b]))
             .then_with(|| splats.opacity_logits[a].total_cmp(&splats.opacity_logits[b]))
             .then_with(|| {
                 let mut orders = later.iter().map(|means| compare(&means[a], &means[b]));
                 orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
             })
-    });
-    rows
+    };
+    // Centres beside the rows: they nearly always decide.
+    let mut keyed: Vec<([f32; 3], usize)> =
+        rows.into_iter().map(|row| (splats.means[row], row)).collect();
+    keyed.par_sort_by(|a, b| compare(&a.0, &b.0).then_with(|| compare_rest(a.1, b.1)));
+    keyed.into_iter().map(|(_, row)| row).collect()
 }
 
 /// Rows sorted by distance from the origin of the pose: an order that does not depend on the

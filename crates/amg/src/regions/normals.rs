@@ -129,10 +129,10 @@ pub(super) fn orient(regions: &Trajectories, neighbors: &RigidNeighbors, axes: &
         .into_par_iter()
         .with_min_len(64)
         .map(|i| {
-            let near = wide.get(i);
+            let near: Vec<Neighbor> = wide.get(i).collect();
             let agree: Vec<f64> =
                 near.iter().map(|n| neighbors.between(regions, i, n.id as usize)).collect();
-            INSIDE.iter().map(|&count| outwardness(regions, i, axes[i], near, &agree, count)).sum()
+            INSIDE.iter().map(|&count| outwardness(regions, i, axes[i], &near, &agree, count)).sum()
         })
         .collect();
     let links: Vec<Vec<(u32, f64)>> = (0..regions.len())

@@ -32,6 +32,10 @@ pub(super) struct Regions {
     pub(super) weights: Vec<f64>,
     /// Membership of points in regions.
     pub(super) cells: Cells,
+    /// Centres of the members, region by region: [`Self::means`] where regions are read as wholes.
+    member_means: Vec<[f64; 3]>,
+    /// Where the members of each region begin there, `[R+1]`.
+    starts: Vec<usize>,
     /// Centroids of the regions, `[R]`, and their positions at the key times.
     pub(super) centroids: Trajectories,
     /// Mean rotations of the regions since the edit frame, `wxyz`, `[R,T]`.
@@ -56,16 +60,20 @@ fn trajectories(
 ) -> Trajectories {
     let pick = |means: &[[f32; 3]], i: usize| sub(means[i].map(f64::from), origin);
     let rest: Vec<[f64; 3]> = ids.iter().map(|&i| pick(&keys.at_edit.means, i)).collect();
-    let moved = |(&i, rest): (&usize, &[f64; 3])| {
-        let (rest, dynamic) = (*rest, dynamic[i]);
-        keys.means.iter().map(move |means| if dynamic { pick(means, i) } else { rest })
-    };
+    let num_times = keys.times.len();
+    let mut moved = vec![[0.0; 3]; ids.len() * num_times];
+    let places = moved.par_chunks_mut(num_times.max(1)).zip(ids).zip(&rest);
+    places.with_min_len(256).for_each(|((places, &i), rest)| {
+        for (place, means) in places.iter_mut().zip(&keys.means) {
+            *place = if dynamic[i] { pick(means, i) } else { *rest };
+        }
+    });
     let present = |&i: &usize| {
         let dynamic = dynamic[i];
-        (0..keys.times.len()).map(move |k| if dynamic { keys.seen(k, i) } else { 1.0 })
+        (0..num_times).map(move |k| if dynamic { keys.seen(k, i) } else { 1.0 })
     };
     Trajectories {
-        moved: ids.iter().zip(&rest).flat_map(moved).collect(),
+        moved,
         presence: if keys.fades() { ids.iter().flat_map(present).collect() } else { Vec::new() },
         weights: ids.iter().map(|&i| opacity_weight(keys, i)).collect(),
         moving: ids.iter().map(|&i| dynamic[i]).collect(),
@@ -110,8 +118,15 @@ impl Regions {
             let members: Vec<u32> = std::iter::once(index(i)).chain(ring).collect();
             RingMean::of(normals[i], &members, &normals, &points.weights)
         });
+        let starts = std::iter::once(0).chain(cells.members.iter().scan(0, |end, members| {
+            *end += members.len();
+            Some(*end)
+        }));
+        let all_members = cells.members.iter().flatten();
         Self {
             scatter,
+            starts: starts.collect(),
+            member_means: all_members.map(|&p| points.rest[p as usize]).collect(),
             centroids: centroids(&points, &cells.members),
             rotations: rotations(keys, &ids, &points, &cells.members),
             num_outliers: outliers.iter().filter(|&&o| o).count(),
@@ -132,6 +147,11 @@ impl Regions {
     /// Points of region `i`.
     pub(super) fn members(&self, i: usize) -> &[u32] {
         &self.cells.members[i]
+    }
+
+    /// Their centres, as in [`Self::means`].
+    pub(super) fn member_means(&self, i: usize) -> &[[f64; 3]] {
+        &self.member_means[self.starts[i]..self.starts[i + 1]]
     }
 }
 

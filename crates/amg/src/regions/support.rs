@@ -10,6 +10,7 @@ use crate::rigid::{dot, norm, sub};
 use crate::row_index::index;
 use anchors::Neighbor;
 use gs_core::Real;
+use std::cmp::Ordering;
 
 /// Regions whose splats are candidates for a support: at least [`MIN_REGIONS`], and as far as
 /// [`MAX_REGIONS`] while these have few splats each.
@@ -36,7 +37,7 @@ const RIDGE: f64 = 0.15;
 const CENTRING: [f64; 2] = [0.1, 4.0];
 
 /// Regions compared per call of the vectorised comparison.
-const CHUNK: usize = 32;
+const CHUNK: usize = 8;
 
 /// Smaller weights do not change a fit beyond rounding and are left out.
 const NEGLIGIBLE: f64 = 1e-9;
@@ -46,7 +47,7 @@ const NEGLIGIBLE: f64 = 1e-9;
 pub(super) struct Scratch {
     deviations: Vec<f32>,
     path: Path,
-    /// Squared distance and id of candidate points.
+    /// Squared distance and id of the nearest candidate points.
     points: Vec<(f64, u32)>,
     nearest_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
@@ -101,7 +102,8 @@ impl Supports<'_> {
     }
 
     /// Collects the points of the regions of `cube` that move with region `own`, nearest regions
-    /// first, until there are enough; and the nearest point of each of these regions.
+    /// first, until there are enough: of all these points, at least the `sources_per_row` nearest;
+    /// and the nearest point of each region.
     fn collect_points(&self, x: [f64; 3], cube: &Cube, own: u32, scratch: &mut Scratch) {
         let Scratch { deviations, path, points, nearest_of_region, .. } = scratch;
         self.motion.path(own as usize, x.map(Real::as_f32), path);
@@ -112,16 +114,26 @@ impl Supports<'_> {
                 || (regions >= MIN_REGIONS && points >= 4 * self.sources_per_row)
         };
         let limit = (NEAR_TOLERANCE * self.tolerance).powi(2);
+        let (mut count, mut reach) = (0, f64::INFINITY);
         let mut add = |region: u32| {
             let mut nearest = (f64::INFINITY, 0);
-            for &p in self.regions.members(region as usize) {
-                let d = sub(self.regions.means[p as usize], x);
+            let members = self.regions.members(region as usize);
+            for (&p, mean) in members.iter().zip(self.regions.member_means(region as usize)) {
+                let d = sub(*mean, x);
                 let squared = dot(d, d);
-                points.push((squared, p));
                 nearest = if squared < nearest.0 { (squared, p) } else { nearest };
+                if squared <= reach {
+                    points.push((squared, p));
+                }
             }
             nearest_of_region.push(nearest);
-            enough(nearest_of_region.len(), points.len())
+            count += members.len();
+            if points.len() >= 2 * self.sources_per_row {
+                let last = self.sources_per_row - 1;
+                reach = points.select_nth_unstable_by(last, order).1.0;
+                points.truncate(self.sources_per_row);
+            }
+            enough(nearest_of_region.len(), count)
         };
         for regions in cube.regions.chunks(CHUNK) {
             self.motion.max_squared_distances(path, regions, deviations);
@@ -139,7 +151,6 @@ impl Supports<'_> {
     /// translation; the other half one point per region, spread out, for the rotation.
     fn select_points(&self, scratch: &mut Scratch) {
         let Scratch { points, nearest_of_region, .. } = scratch;
-        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         let half = self.sources_per_row.div_ceil(2);
         let near = half.max(self.sources_per_row.saturating_sub(nearest_of_region.len()));
         if points.len() > near {
@@ -232,6 +243,10 @@ impl Supports<'_> {
             })
             .collect()
     }
+}
+
+fn order(a: &(f64, u32), b: &(f64, u32)) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
 }
 
 /// Inverse of a regular symmetric matrix.

@@ -1,6 +1,6 @@
 //! Nearest neighbours against brute force: on a point, near one, far outside; ties and duplicates.
 
-use anchors::{KdTree, Neighbor, median_spacing, normal_feature};
+use anchors::{KdTree, Neighbor, Neighbors, median_spacing, normal_feature};
 
 use crate::scenes::{Rng, cube, distance2, figure, lattice};
 
@@ -24,6 +24,7 @@ fn check<const D: usize>(points: &[[f64; D]], what: &str) {
     assert_eq!(tree.len(), points.len(), "{what}");
     let mut rng = Rng::new(3);
     let mut found = Vec::new();
+    let mut queries = Vec::new();
     for case in 0..150 {
         let on = points[rng.below(points.len())];
         let query = match case % 3 {
@@ -35,6 +36,27 @@ fn check<const D: usize>(points: &[[f64; D]], what: &str) {
             tree.nearest(&query, k, &mut found);
             assert_eq!(found, brute(points, &query, k), "{what}, case {case}, k {k}");
         }
+        queries.push(query);
+    }
+    for (k, distance) in [(1, f64::INFINITY), (7, 0.3), (3, 2.0), (41, 5.0), (2, 0.0)] {
+        let all = tree.map_within(&queries, k, distance, |i, near| (i, near.to_vec()));
+        for ((i, near), query) in all.into_iter().zip(&queries) {
+            let mut expected = brute(points, query, k);
+            expected.retain(|n| n.distance_squared <= distance * distance);
+            assert_eq!((query, near), (&queries[i], expected.clone()), "{what}, {k} in {distance}");
+            assert_eq!(tree.any_within(query, distance), !expected.is_empty(), "{what}: any");
+        }
+    }
+}
+
+#[test]
+fn neighbors_of_all_points_are_the_others() {
+    let points = figure(700, 4);
+    let near = Neighbors::of(&points, 9);
+    for (i, point) in (0..).zip(&points) {
+        let mut expected = brute(&points, point, 10);
+        expected.retain(|n| n.id != i);
+        assert_eq!(near.get(i as usize).collect::<Vec<_>>(), expected, "point {i}");
     }
 }
 

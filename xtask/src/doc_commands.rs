@@ -9,6 +9,7 @@ use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::process::{Command, Stdio};
+use std::time::Instant;
 
 const DOCUMENTS: &[&str] = &[
     "README.md",
@@ -24,6 +25,9 @@ const DOCUMENTS: &[&str] = &[
 ];
 /// Commands skipped here because the continuous-integration script runs them.
 const RUN_ELSEWHERE: &[&str] = &["git clone", "cd ", "cargo test", "cargo install", "sudo apt-get"];
+
+/// Number of commands in the list of the slowest.
+const SLOWEST: usize = 12;
 
 pub(crate) fn run() -> Result<()> {
     let root = workspace();
@@ -47,7 +51,7 @@ pub(crate) fn run() -> Result<()> {
     let folders =
         std::iter::once(root.join("target/release")).chain(std::env::split_paths(&inherited));
     let path = std::env::join_paths(folders)?;
-    let mut count = 0;
+    let mut times: Vec<(f64, String)> = Vec::new();
     for document in DOCUMENTS {
         let text =
             fs::read_to_string(root.join(document)).with_context(|| (*document).to_owned())?;
@@ -62,6 +66,7 @@ pub(crate) fn run() -> Result<()> {
             // A full benchmark takes minutes; this only checks that it runs.
             let line = if line.starts_with("cargo bench") { line + " -- --test" } else { line };
             eprintln!("{document}: {line}");
+            let begun = Instant::now();
             refuse_package_flag(&line).with_context(|| (*document).to_owned())?;
             let words = words(&line).with_context(|| format!("{document}: `{line}`"))?;
             let ran = Command::new(&words[0])
@@ -82,10 +87,16 @@ pub(crate) fn run() -> Result<()> {
                 expected_output::compare(&expected, &printed)
                     .with_context(|| format!("{document}: `{line}`"))?;
             }
-            count += 1;
+            times.push((begun.elapsed().as_secs_f64(), format!("{document}: {line}")));
         }
     }
-    eprintln!("{count} documented commands ran");
+    times.sort_by(|a, b| b.0.total_cmp(&a.0));
+    eprintln!("\nslowest:");
+    for (secs, line) in times.iter().take(SLOWEST) {
+        eprintln!("{secs:7.1} s  {line}");
+    }
+    let total: f64 = times.iter().map(|(secs, _)| secs).sum();
+    eprintln!("{} documented commands ran in {total:.0} s", times.len());
     Ok(())
 }
 

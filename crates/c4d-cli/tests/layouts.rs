@@ -10,9 +10,9 @@
     reason = "converters of tests store single precision and bytes"
 )]
 
-#[path = "../../gs-io/tests/common/layouts.rs"]
+#[path = "../../gs-io/tests/suite/common/layouts.rs"]
 mod layouts;
-#[path = "../../gs-io/tests/common/tsog.rs"]
+#[path = "../../gs-io/tests/suite/common/tsog.rs"]
 mod tsog;
 
 use gs_core::{Camera, DynamicScene, Rasterizer, RenderOutput, RenderParams, Splats};

@@ -5,7 +5,7 @@
 //! preset; `warps` only compares the targets of the warps with ground truth.
 #![expect(clippy::print_stdout, reason = "prints its results")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::{Flaws, case, flicker, psnr};

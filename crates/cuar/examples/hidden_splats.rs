@@ -1,6 +1,6 @@
 //! Effect of the evidence if an image editor missed splats that frame 1 hides: PSNR against the
 //! true edit at held-out views, in pixels that motion reveals and elsewhere, inside the paper's
-//! mask and outside it; also checks the limits of `tests/common/bars.rs`.
+//! mask and outside it; also checks the limits of `tests/suite/common/bars.rs`.
 //!
 //! `cargo run --release --example hidden_splats [brief | cases | large | ablation | picture FILE]`;
 //! `brief` has fewer splats, `picture` draws a crop before and after.
@@ -11,7 +11,7 @@
     reason = "colours of 8 bits, and pixels inside the image"
 )]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::bars;

@@ -5,7 +5,7 @@
 //! `view` omits the evidence: only view dependence, as in the paper.
 #![expect(clippy::print_stdout, reason = "prints its results")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::{Flaws, case, flicker, psnr};

@@ -8,7 +8,7 @@
 //! `cargo run --release -p cuar --example uncovered [uncovered.png]`
 #![expect(clippy::print_stdout, reason = "prints its results")]
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/suite/common/mod.rs"]
 mod common;
 
 use common::{render, slide::Slide};

@@ -8,7 +8,7 @@
 )]
 #![allow(clippy::unwrap_used, dead_code, reason = "shared with tests, which fail by panicking")]
 
-#[path = "../tests/common/layouts.rs"]
+#[path = "../tests/suite/common/layouts.rs"]
 mod layouts;
 
 use gs_io::repair::Damage;

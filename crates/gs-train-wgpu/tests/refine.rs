@@ -4,7 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-#[path = "../../cuar/tests/common/mod.rs"]
+#[path = "../../cuar/tests/suite/common/mod.rs"]
 mod cases;
 #[path = "../../gs-raster-wgpu/tests/common/mod.rs"]
 mod common;

@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-mod common;
-
-use common::{Case, Flaws, case, flicker, psnr, render, slide::Slide};
+use crate::common::{Case, Flaws, case, flicker, psnr, render, slide::Slide};
 use cuar::{NoRefineObserver, RefineOptions, Refined, Views, refine};
 use gs_core::{DynamicScene, Image, TimeRange};
 use gs_raster_cpu::CpuRasterizer;

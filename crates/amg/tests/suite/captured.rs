@@ -7,10 +7,8 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::Table;
 use amg::{DynamicParams, MotionOptions, propagate};
-use common::Table;
 use gs_core::{DynamicScene, Splats};
 use std::sync::Arc;
 

@@ -6,10 +6,8 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::{Table, golden_edit, golden_source, score};
 use amg::{Aggregation, MotionOptions, Preset, Propagation, RotationRule, propagate};
-use common::{Table, golden_edit, golden_source, score};
 use gs_core::{DynamicScene, Splats, quat};
 use proptest::prelude::*;
 use std::sync::Arc;

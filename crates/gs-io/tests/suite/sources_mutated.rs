@@ -8,9 +8,7 @@
 )]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-#[allow(dead_code, reason = "the rest is used by other tests")]
-#[path = "common/tsog.rs"]
-mod tsog;
+use crate::common::tsog;
 
 use gs_core::SplitMix64;
 use gs_io::{IoError, OpenOptions, OpenedScene, SceneKind, detect, open_scene_as, ply};

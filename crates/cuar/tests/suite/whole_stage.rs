@@ -3,10 +3,9 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-mod common;
-
-use common::Painted;
-use common::delivered::{Delivered, Judge, cases, delivered, with_unseen_sh};
+use crate::common;
+use crate::common::Painted;
+use crate::common::delivered::{Delivered, Judge, cases, delivered, with_unseen_sh};
 use cuar::{
     CuarError, NoRefineObserver, RefineObserver, RefineOptions, RefineProgress, Refined, State,
     Views,

@@ -4,8 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-#[path = "common/lively.rs"]
-mod lively;
+use crate::common::lively;
 
 use gs_core::{Camera, DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene, StaticScene, TabulatedScene};

@@ -2,9 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-mod common;
-
-use common::delivered::{Delivered, Judge, cases, delivered, rings};
+use crate::common;
+use crate::common::delivered::{Delivered, Judge, cases, delivered, rings};
 use cuar::{NoRefineObserver, RefineOptions, Views};
 use gs_core::{Camera, DynamicScene, TimeRange};
 

@@ -3,9 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-mod common;
-
-use common::{render, seen_basis, squared_error, uniform};
+use crate::common::{render, seen_basis, squared_error, uniform};
 use cuar::{NoRefineObserver, RefineOptions, Refined, Views, WarpParams, artifact_mask, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};
 use gs_raster_cpu::CpuRasterizer;

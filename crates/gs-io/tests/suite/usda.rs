@@ -3,8 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-#[path = "common/lively.rs"]
-mod lively;
+use crate::common::lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat};
 use gs_deform::{StaticScene, TabulatedScene};

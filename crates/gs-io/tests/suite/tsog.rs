@@ -8,9 +8,7 @@
 )]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-#[allow(dead_code, reason = "the rest is used by other tests")]
-#[path = "common/tsog.rs"]
-mod tsog;
+use crate::common::tsog;
 
 use gs_io::{IoError, OpenOptions, OpenedScene, SceneKind, detect, frame, open_scene};
 use serde_json::{Value, json};

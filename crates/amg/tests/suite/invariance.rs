@@ -8,10 +8,8 @@
     reason = "helpers of tests may fail loudly; single precision is what is tested"
 )]
 
-mod common;
-
+use crate::common::{Table, golden_edit, golden_source};
 use amg::{MotionOptions, Preset, propagate};
-use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, Splats, quat};
 use gs_synth::TruthCase;
 use proptest::array::{uniform3, uniform4};

@@ -7,10 +7,8 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::{Table, golden_source};
 use amg::{Identity, IdentityMap, IdentityParams, MotionOptions, propagate};
-use common::{Table, golden_source};
 use gs_core::{DynamicScene, Splats};
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -1,4 +1,10 @@
-//! Writes PyTorch archives, for tests.
+//! Writes PyTorch archives, and scenes for tests of other files.
+
+#[allow(dead_code, reason = "the rest is used by an example and by tests of `c4d-cli`")]
+pub(crate) mod layouts;
+pub(crate) mod lively;
+#[allow(dead_code, reason = "the rest is used by tests of `c4d-cli`")]
+pub(crate) mod tsog;
 
 /// A state dictionary in the format of `torch.save`: stored zip with
 /// sizes in data descriptors, pickle protocol 2.

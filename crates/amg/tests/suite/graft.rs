@@ -7,10 +7,8 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::Table;
 use amg::{MotionOptions, Preset, propagate};
-use common::Table;
 use gs_core::{DynamicScene, Splats, quat};
 use std::sync::Arc;
 

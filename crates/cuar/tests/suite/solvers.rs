@@ -1,8 +1,6 @@
 //! Both solvers on one problem: descent, restart, threads, memory; and rejected options.
 
-mod common;
-
-use common::{Case, Flaws, case, render};
+use crate::common::{Case, Flaws, case, render};
 use cuar::{
     AdamParams, CuarError, NoRefineObserver, Preview, RefineObserver, RefineOptions,
     RefineProgress, Refined, RegressionParams, Solver, State, ViewTime, Views, WarpForm, refine,

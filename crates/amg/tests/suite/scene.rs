@@ -7,11 +7,9 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::{Table, golden_edit, golden_source};
 use RowKind::{Blended, Static, Unchanged};
 use amg::{Aggregation, Binding, EditedScene, FieldAt, MotionOptions, Preset, RowKind, propagate};
-use common::{Table, golden_edit, golden_source};
 use gs_core::{DynamicScene, SceneError, Splats};
 use std::sync::Arc;
 

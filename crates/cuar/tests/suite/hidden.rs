@@ -3,9 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 
-mod common;
-
-use common::{
+use crate::common::{
     bars,
     delivered::{Delivered, cases, delivered, rings, wrong_rows},
 };

@@ -4,8 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-mod common;
-
+use crate::common;
 use gs_core::DynamicScene;
 use gs_deform::IndexRule;
 use gs_io::model_folder::Swift4dOverrides;

@@ -3,9 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may")]
 #![allow(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
 
-mod common;
-
-use common::{Case, Flaws, case, render};
+use crate::common;
+use crate::common::{Case, Flaws, case, render};
 use cuar::{NoRefineObserver, RefineOptions, Views, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange};
 use gs_raster_cpu::CpuRasterizer;

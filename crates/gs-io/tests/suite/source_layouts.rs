@@ -8,12 +8,8 @@
 )]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-#[allow(dead_code, reason = "the rest is used by other tests")]
-#[path = "common/layouts.rs"]
-mod layouts;
-#[allow(dead_code, reason = "the rest is used by other tests")]
-#[path = "common/lively.rs"]
-mod lively;
+use crate::common::layouts;
+use crate::common::lively;
 
 use gs_core::{Camera, DynamicScene, Splats, covariance};
 use gs_deform::{Polynomial, PolynomialScene};

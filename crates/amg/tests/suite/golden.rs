@@ -6,13 +6,11 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::{Edit, Score, golden_edit, golden_source, score};
 use amg::{
     Aggregation, AnchorSampling, MotionGuide, MotionOptions, PositionRule, Preset, RotationRule,
     ScaleRule, propagate,
 };
-use common::{Edit, Score, golden_edit, golden_source, score};
 use gs_core::DynamicScene;
 use std::sync::Arc;
 

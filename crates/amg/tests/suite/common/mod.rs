@@ -1,5 +1,4 @@
 //! Golden scenes as `DynamicScene`s, and the metric of `fixtures/amg/README.md`.
-#![allow(dead_code, reason = "every test binary uses its own part of this module")]
 
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use test_support::fixture;
@@ -93,9 +92,6 @@ pub(crate) struct Edit {
     pub(crate) ratios_t: Vec<Vec<f32>>,
     pub(crate) scored: Vec<bool>,
     pub(crate) contact: Vec<bool>,
-    /// Used only to describe failures.
-    pub(crate) tag: Vec<u8>,
-    pub(crate) part: Vec<u8>,
 }
 
 pub(crate) fn golden_edit(name: &str) -> Edit {
@@ -111,8 +107,6 @@ pub(crate) fn golden_edit(name: &str) -> Edit {
         ratios_t: golden.f32s("gt_scale_ratio_t").chunks(num).map(<[f32]>::to_vec).collect(),
         scored: flags("eval_mask"),
         contact: flags("contact_mask"),
-        tag: golden.u8s("tag"),
-        part: golden.u8s("part"),
     }
 }
 

@@ -3,8 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
 
-mod common;
-
+use crate::common;
 use gs_core::{DynamicScene, Splats};
 use gs_io::checkpoint4dgs;
 use gs_io::model_folder::{Model, ModelScene, Origin, Overrides, Stage};

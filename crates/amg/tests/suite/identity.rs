@@ -6,10 +6,8 @@
     reason = "helpers of tests may fail loudly; sizes and lengths are small"
 )]
 
-mod common;
-
+use crate::common::golden_source;
 use amg::{Identity, IdentityMap, IdentityParams};
-use common::golden_source;
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use std::sync::Arc;
 

@@ -21,7 +21,7 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let mut number = |default: usize| arguments.next().map_or(Ok(default), |text| text.parse());
-    let (samples, memory) = (number(240)?, number(2048)? << 20);
+    let (samples, memory) = (number(RefineOptions::default().samples)?, number(2048)? << 20);
 
     let flaws = match std::env::args().nth(3).as_deref() {
         // colours that frame 1 shows are correct by definition: their noise must not change

@@ -1,12 +1,5 @@
 //! Effects of scenes trained on captured footage that synthetic scenes lack: independently sliding
 //! splats on textureless surfaces, and splats that are replaced by others.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::Table;
 use amg::{DynamicParams, MotionOptions, propagate};
 use gs_core::{DynamicScene, Splats};

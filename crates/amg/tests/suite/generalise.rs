@@ -1,11 +1,4 @@
 //! Scenes other than the goldens: another figure, other motions, other seeds, known true motion.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, SplitMix64, standard_normal};
 use gs_synth::{

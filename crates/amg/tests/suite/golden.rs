@@ -1,11 +1,4 @@
 //! The goldens of `fixtures/amg`: error of the motion of edited splats, for every guide.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::{Edit, Score, golden_edit, golden_source, score};
 use amg::{
     Aggregation, AnchorSampling, MotionGuide, MotionOptions, PositionRule, Preset, RotationRule,

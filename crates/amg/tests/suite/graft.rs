@@ -1,12 +1,4 @@
 //! New geometry attached to a figure stays rigid and moves with the part to which it is attached.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::Table;
 use amg::{MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, Splats, quat};

@@ -1,11 +1,4 @@
 //! Edited splats that are source splats are found by value, for any order, signs and rounding.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::golden_source;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::{Precision, RowPrecision, Splats, quat};

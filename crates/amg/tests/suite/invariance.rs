@@ -1,13 +1,5 @@
 //! The default does not depend on the position, orientation and size of the scene, or on the order
 //! of splats in files.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "helpers of tests may fail loudly; single precision is what is tested"
-)]
-
 use crate::common::{Table, golden_edit, golden_source};
 use amg::{MotionOptions, Preset, propagate};
 use gs_core::{DynamicScene, Splats, quat};

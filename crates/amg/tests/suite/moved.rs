@@ -1,12 +1,5 @@
 //! Selections that an editor moved, rotated or scaled are recognised and move with the object to
 //! which they belong.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use amg::{
     Identity, IdentityMap, IdentityParams, MotionOptions, Preset, RowKind, Similarity, propagate,
 };

@@ -1,12 +1,5 @@
 //! The promises of `docs/ARCHITECTURE.md` about splats that an edit leaves in place, for any order,
 //! subset, quaternion sign and colour change.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::{Table, golden_source};
 use amg::{Identity, IdentityMap, IdentityParams, MotionOptions, propagate};
 use gs_core::{DynamicScene, Splats};

@@ -1,11 +1,4 @@
 //! Properties of any scene and any edit.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::{Table, golden_edit, golden_source, score};
 use amg::{Aggregation, MotionOptions, Preset, Propagation, RotationRule, propagate};
 use gs_core::{DynamicScene, Splats, quat};

@@ -1,12 +1,5 @@
 //! `EditedScene`: values that rows take from their sources, and equality with the edit at the edit
 //! frame.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "helpers of tests may fail loudly; sizes and lengths are small"
-)]
-
 use crate::common::{Table, golden_edit, golden_source};
 use RowKind::{Blended, Static, Unchanged};
 use amg::{Aggregation, Binding, EditedScene, FieldAt, MotionOptions, Preset, RowKind, propagate};

@@ -1,10 +1,4 @@
 //! Edits that apply to surfaces: inheritance by splats that the edit frame does not show.
-#![allow(
-    clippy::unwrap_used,
-    clippy::cast_precision_loss,
-    reason = "helpers of tests may fail loudly; counts are small"
-)]
-
 use amg::{EditedScene, Follow, MotionOptions, Propagation, RowKind, propagate};
 use gs_core::{DynamicScene, Splats, TimeRange};
 use gs_synth::{BriefCase, BriefParams, BriefScene, BriefTruthScene, DemoParams, build_brief};

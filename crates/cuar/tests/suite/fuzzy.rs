@@ -1,8 +1,6 @@
 //! Broad splats that overlap in depth, as in captured scenes: there is no surface from which to
 //! fetch colours, but frame 1 shows the splats.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use crate::common::{render, seen_basis, squared_error, uniform};
 use cuar::{NoRefineObserver, RefineOptions, Refined, Views, WarpParams, artifact_mask, refine};
 use gs_core::{Camera, DynamicScene, SceneError, Splats, TimeRange, sh};

@@ -1,8 +1,6 @@
 //! From SH coefficients through the rasteriser to the whole loss (Eqs. 18–20), in double precision,
 //! against difference quotients.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use cuar::loss::{L1Shape, LossWeights, Objective, Targets};
 use gs_core::{Camera, Rasterizer, RenderParams, Splats, UpstreamGrads, sh};
 use gs_raster_cpu::CpuRasterizer;

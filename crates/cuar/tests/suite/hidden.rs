@@ -1,8 +1,6 @@
 //! Splats that no picture of frame 1 shows: which ones evidence must repair, and which ones it must
 //! keep.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use crate::common::{
     bars,
     delivered::{Delivered, cases, delivered, rings, wrong_rows},

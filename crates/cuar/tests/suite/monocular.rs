@@ -1,7 +1,5 @@
 //! A video of one moving camera: a single view per time must not increase any error.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use crate::common;
 use crate::common::delivered::{Delivered, Judge, cases, delivered, rings};
 use cuar::{NoRefineObserver, RefineOptions, Views};

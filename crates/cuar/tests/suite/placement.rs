@@ -1,8 +1,5 @@
 //! Refinement does not depend on the position and size of the scene.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-#![allow(clippy::cast_possible_truncation, reason = "single precision is what is tested")]
-
 use crate::common;
 use crate::common::{Case, Flaws, case, render};
 use cuar::{NoRefineObserver, RefineOptions, Views, refine};

@@ -1,7 +1,5 @@
 //! Refinement compared with the true edited video: what it must repair, and what it must keep.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use crate::common::{Case, Flaws, case, flicker, psnr, render, slide::Slide};
 use cuar::{NoRefineObserver, RefineOptions, Refined, Views, refine};
 use gs_core::{DynamicScene, Image, TimeRange};

@@ -1,8 +1,6 @@
 //! Hidden splats, and view dependence that frame 1 does not determine, repaired in one run; and
 //! interrupted runs.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may")]
-
 use crate::common;
 use crate::common::Painted;
 use crate::common::delivered::{Delivered, Judge, cases, delivered, with_unseen_sh};

@@ -1,8 +1,6 @@
 //! Conventions of every layout: a known camera, written in each format, projects known points to
 //! the same pixels; and detection of folders without goldens.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use glam::{DMat3, DQuat, DVec3};
 use gs_core::Camera;
 use gs_io::cameras::{self, CameraSet, Format, Reading, Split};

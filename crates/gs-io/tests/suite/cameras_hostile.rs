@@ -1,8 +1,6 @@
 //! Camera readers handle arbitrary bytes: malformed files are errors with a
 //! location, without panics or large allocations.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_io::IoError;
 use gs_io::cameras::{self, CameraSet, Reading, colmap, nerfies, poses_bounds, transforms};
 use proptest::prelude::*;

@@ -1,7 +1,5 @@
 //! Detection of the kind of a path, and consistency of opening with it.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::Splats;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{Existing, OpenOptions, SceneKind, detect, open_scene};

@@ -1,7 +1,5 @@
 //! Sequences in archives, and in formats other than plain PLY, are the same scenes.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{DynamicScene, Splats};
 use gs_io::ply_sequence::{self, PlySequence, SequenceOptions};
 use gs_io::{

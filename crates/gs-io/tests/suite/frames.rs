@@ -1,14 +1,6 @@
 //! Still frames of every format: files of each format's own tool are read within the stated
 //! precision, and our files are decoded from their byte layout, independently of the readers.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "test decoders read known bytes"
-)]
-
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use gs_io::compressed_ply::{self, morton_order};
 use gs_io::frame::{self, Frame, FrameError, FrameFormat};

@@ -1,8 +1,6 @@
 //! Readers handle arbitrary bytes: randomly truncated and overwritten files, and random bytes, give
 //! a value or an error, never a panic.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::DynamicScene;
 use gs_io::checkpoint4dgs;
 use gs_io::model_folder::Overrides;

@@ -1,9 +1,6 @@
 //! glTF with Gaussian splats: our files decoded independently from their layout; scenes with nodes,
 //! quantised and sparse values, and embedded SPZ; hostile files.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-#![allow(clippy::cast_possible_truncation, reason = "known values in known ranges")]
-
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gs_core::{Splats, quat, sh};

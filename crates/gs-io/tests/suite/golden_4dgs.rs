@@ -2,8 +2,6 @@
 //! combination of the goldens, final parameters and intermediate values, within the tolerances of
 //! `fixtures/deform4dgs/README.md`.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{DynamicScene, Splats};
 use gs_deform::{Component, HexPlaneScene, Trace};
 use gs_io::checkpoint4dgs;

@@ -1,8 +1,6 @@
 //! Cameras and times of data sets of every layout match the reference's readers, within the
 //! tolerance of `fixtures/cameras/README.md`.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::Camera;
 use gs_io::cameras::{self, CameraSet, Format, Reading, Split};
 use serde_json::Value;

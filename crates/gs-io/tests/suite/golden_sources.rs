@@ -1,8 +1,6 @@
 //! Trained scenes of other methods, read and evaluated, match their reference implementations
 //! (`fixtures/bases`) within the tolerances of its README.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{Splats, covariance, sh};
 use gs_io::{OpenOptions, OpenedScene, SceneKind, detect, open_scene_as};
 use std::path::{Path, PathBuf};

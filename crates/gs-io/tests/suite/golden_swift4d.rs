@@ -1,8 +1,6 @@
 //! A Swift4D model folder, read and evaluated, matches `fixtures/swift4d` within the tolerances of
 //! its README: masks, lattice, intermediate values and deformed Gaussians at six times.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{DynamicScene, Splats};
 use gs_deform::HashGridScene;
 use gs_io::model_folder::{ModelScene, Overrides};

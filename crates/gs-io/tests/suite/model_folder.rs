@@ -1,8 +1,6 @@
 //! Model folders of all revisions, complete and incomplete: choice of iteration and flags with
 //! their origins, and errors that name the file and the next step.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common;
 use gs_core::{DynamicScene, Splats};
 use gs_io::checkpoint4dgs;

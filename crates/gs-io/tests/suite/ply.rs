@@ -1,8 +1,6 @@
 //! PLY files of every variant give the same Gaussians; hostile ones are refused with helpful
 //! errors; written files are bit-identical to those of the reference.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::Splats;
 use gs_io::ply::{self, Encoding, PlyError, WriteOptions};
 use gs_io::{Existing, IoError};

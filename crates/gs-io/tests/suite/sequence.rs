@@ -1,8 +1,6 @@
 //! Written PLY sequences are read back exactly; archives contain
 //! the same files; no partial output remains.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use gs_deform::TabulatedScene;
 use gs_io::ply::{self, WriteOptions};

@@ -1,7 +1,5 @@
 //! SOG files whose encoder cleared the colours of invisible splats.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_io::frame;
 use std::io::Write;
 use test_support::fixture;

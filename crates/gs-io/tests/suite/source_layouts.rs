@@ -1,13 +1,6 @@
 //! The scene of a `.splatv` is the same in the layouts of Spacetime
 //! Gaussians and FreeTimeGS, and each layout is detected.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "converters of tests store single precision and bytes"
-)]
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::layouts;
 use crate::common::lively;
 

@@ -1,8 +1,6 @@
 //! Trained scenes of other methods with missing, truncated, misshaped or non-finite parts: each is
 //! refused with the file's name and the next step, or read without the damaged rows.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_io::pth::{self, NamedTensor};
 use gs_io::repair::Damage;
 use gs_io::{OpenOptions, SceneKind, detect, frame, open_scene_as};

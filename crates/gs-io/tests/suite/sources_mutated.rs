@@ -1,13 +1,6 @@
 //! Every trained scene of the fixtures with each of its files missing, mutated, or with NaN in any
 //! column: it is refused with the path and a next step, or read with the damage counted.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "converters of tests store single precision and bytes"
-)]
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::tsog;
 
 use gs_core::SplitMix64;

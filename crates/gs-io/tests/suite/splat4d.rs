@@ -2,8 +2,6 @@
 //! stated bounds at every splat and frame for all changing attributes, and the crate's reader gives
 //! exactly the same values. Hostile clips and files are refused, or repaired with a count.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat, sh};

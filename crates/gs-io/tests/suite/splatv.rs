@@ -2,8 +2,6 @@
 //! the byte layout, have motion within the reported error; read clips follow the
 //! format's formulas; arbitrary bytes do not cause panics.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::lively;
 
 use gs_core::{Camera, DynamicScene, Splats, TimeRange, quat, sh};

@@ -2,8 +2,6 @@
 //! and for missing, contradictory or hostile parts an error that names the
 //! file and the next step, without large allocations.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common;
 use gs_core::DynamicScene;
 use gs_deform::IndexRule;

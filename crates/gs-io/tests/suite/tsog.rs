@@ -1,13 +1,6 @@
 //! `.tsog` archives: decoded as defined by version 4, on hand-computed values, and refused if they
 //! do not conform.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "converters of tests store single precision and bytes"
-)]
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::tsog;
 
 use gs_io::{IoError, OpenOptions, OpenedScene, SceneKind, detect, frame, open_scene};

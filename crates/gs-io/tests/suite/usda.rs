@@ -1,8 +1,6 @@
 //! OpenUSD layers, parsed independently, give exactly the bits of the scene; only changing
 //! attributes have time samples.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use crate::common::lively;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat};

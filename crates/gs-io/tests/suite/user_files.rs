@@ -2,8 +2,6 @@
 //! plain 3DGS models, and placeholders of files. The cases are from public bug reports; the
 //! expected values are computed here from their definitions.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::activation::sigmoid;
 use gs_core::{DynamicScene, Splats};
 use gs_io::checkpoint4dgs;

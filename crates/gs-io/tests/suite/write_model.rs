@@ -1,6 +1,4 @@
 //! Model folders are written and read back.
-#![allow(clippy::unwrap_used, reason = "helpers of tests may panic")]
-
 use gs_core::{DynamicScene, Splats};
 use gs_deform::{
     Head, Heads, HexPlane, HexPlaneField, HexPlaneNetwork, HexPlaneScene, Linear, Mask, PLANE_AXES,

@@ -72,7 +72,7 @@ pub(crate) struct EvalArgs {
     /// Also vary the weights of the paper's transport (λ0 0.05 to 0.3, λ1 and λ2 0.6 to 11)
     #[arg(long, requires = "ablation")]
     pub(crate) sweep: bool,
-    /// Number of images of each refinement of --ablation [default: 60, of the paper's 240]
+    /// Number of images of each refinement of --ablation [default: 60; 240 where the paper's preset is used]
     #[arg(long, value_name = "N", requires = "ablation")]
     pub(crate) samples: Option<usize>,
     /// Size of these images [default: that of the cameras, 640x480 for the rig]

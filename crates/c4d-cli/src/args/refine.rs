@@ -26,7 +26,7 @@ pub(crate) struct RefineFlags {
     /// Times to draw images from, evenly spaced [default: 30]
     #[arg(long, value_name = "N")]
     pub(crate) refine_frames: Option<usize>,
-    /// Images to draw (view and time) [default: 60, with --preset paper 240]
+    /// Images to draw (view and time) [default: 60; 240 with --preset paper]
     #[arg(long, value_name = "N")]
     pub(crate) samples: Option<usize>,
     /// ε of the artifact mask, 0 to 10: pixels whose uncertainty is above ε times its mean are

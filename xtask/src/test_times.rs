@@ -10,7 +10,7 @@ use std::path::Path;
 /// First lines of the document.
 const HEAD: &str = "# Tests
 
-`cargo test --release --workspace` runs everything. Seconds are wall clock on two cores, without building. Made by
+`cargo test --release --workspace` runs everything. Seconds are wall clock on two cores, without building. Generated with
 `cargo test --release --workspace 2>&1 | tee tests.log` and `cargo xtask test-times tests.log`; `cargo xtask test-times` without a log
 compares the rows with the test files.
 

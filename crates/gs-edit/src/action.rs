@@ -89,6 +89,14 @@ pub enum Action {
         /// Whether the whole distribution is matched, not only its mean and covariance.
         sliced: bool,
     },
+    /// Colours and patterns of a picture ([`crate::StyleTransfer`]), after
+    /// [`Action::MatchColors`] with `sliced`.
+    Style {
+        /// Name of the picture.
+        image: String,
+        /// Share of the change, 0 to 1.
+        strength: f64,
+    },
     /// Appends the splats of a file, which become the selection.
     Graft {
         /// Name of the file.
@@ -111,7 +119,7 @@ pub struct ActionOption {
 
 /// The options of the command line that are actions, in the order of the documentation. `sliced`
 /// modifies the preceding `match-colors`.
-pub const ACTION_OPTIONS: [ActionOption; 16] = [
+pub const ACTION_OPTIONS: [ActionOption; 17] = [
     option("delete", None, "Remove the selected splats"),
     option("keep", None, "Remove all others"),
     option("duplicate", None, "Append copies, which become the selection"),
@@ -139,6 +147,11 @@ pub const ACTION_OPTIONS: [ActionOption; 16] = [
         "Match the mean and covariance of a picture's colours, by optimal transport",
     ),
     option("sliced", None, "After --match-colors: match the whole distribution of colours"),
+    option(
+        "style",
+        Some("IMAGE[:STRENGTH]"),
+        "Match the colours and small patterns of a picture, such as brush strokes",
+    ),
     option(
         "graft",
         Some("FILE[@POSE]"),
@@ -175,6 +188,7 @@ impl Action {
             Self::Levels { .. } => "levels",
             Self::Tint { .. } => "tint",
             Self::MatchColors { .. } => "match-colors",
+            Self::Style { .. } => "style",
             Self::Graft { .. } => "graft",
         }
     }
@@ -209,6 +223,7 @@ impl Action {
                     .map_err(syntax)
                     .map(|image| Self::MatchColors { image, sliced: false });
             }
+            "style" => return style(text).map_err(syntax),
             "graft" => return graft(text).map_err(syntax),
             _ => return Err(EditError::UnknownAction(name.to_owned())),
         };
@@ -223,6 +238,25 @@ fn nonempty(text: &str) -> Result<String, SyntaxError> {
         return Err(SyntaxError::new(text, 0, "expected a file"));
     }
     Ok(text.to_owned())
+}
+
+/// `FILE` or `FILE:STRENGTH`; a `:` without a following number is part of the name.
+fn style(text: &str) -> Result<Action, SyntaxError> {
+    let numeric = |rest: &str| rest.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+    let Some(at) = text.rfind(':').filter(|at| {
+        let rest = text[at + 1..].trim();
+        numeric(rest) && !rest.contains(['/', '\\'])
+    }) else {
+        return Ok(Action::Style { image: nonempty(text)?, strength: 1.0 });
+    };
+    let image = nonempty(&text[..at])?;
+    let offset = text[..=at].chars().count();
+    let in_whole =
+        |error: SyntaxError| SyntaxError::new(text, offset + error.column - 1, error.what);
+    let mut argument = Argument { lexer: Lexer::new(&text[at + 1..]).map_err(in_whole)? };
+    let strength = argument.number_in(0.0, 1.0, "a strength, 0 to 1").map_err(in_whole)?;
+    argument.end().map_err(in_whole)?;
+    Ok(Action::Style { image, strength })
 }
 
 /// `FILE` or `FILE@numbers`; an `@` without a following number is part of the name.
@@ -369,6 +403,7 @@ mod tests {
                 "color" | "tint" => "#e33:.5",
                 "levels" => "0,.8",
                 "match-colors" => "picture.png",
+                "style" => "a:b.png:.5",
                 "graft" => "hat@2x.ply@0,1,0,0,90,0,.5",
                 _ if option.argument.is_some() => ".5",
                 _ => "",
@@ -389,6 +424,20 @@ mod tests {
     }
 
     #[test]
+    fn names_of_style_pictures_may_have_colons() {
+        for (text, image, strength) in [
+            ("a.png", "a.png", 1.0),
+            ("a.png:.5", "a.png", 0.5),
+            ("C:/a.png", "C:/a.png", 1.0),
+            ("C:/a.png:0", "C:/a.png", 0.0),
+            ("C:1/a.png", "C:1/a.png", 1.0),
+        ] {
+            let expected = Action::Style { image: image.to_owned(), strength };
+            assert_eq!(Action::parse("style", text).unwrap(), expected, "{text}");
+        }
+    }
+
+    #[test]
     fn errors_point_at_the_column() {
         for (name, text, column) in [
             ("translate", "1,2", 4),
@@ -405,6 +454,8 @@ mod tests {
             ("levels", ".5,.5", 4),
             ("saturation", "-1", 1),
             ("match-colors", "", 1),
+            ("style", "a.png:2", 7),
+            ("style", "a.png:.5x", 9),
             ("graft", "hat.ply@1,2", 12),
             ("graft", "hat.ply@1,2,3,4", 16),
             ("hue", "1e300", 1),

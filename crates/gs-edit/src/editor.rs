@@ -7,6 +7,7 @@ use crate::error::EditError;
 use crate::evaluate::SelectorInput;
 use crate::resources::Resources;
 use crate::script::Step;
+use crate::style::{NoStyleTransfer, StyleTransfer};
 use crate::transport;
 use amg::Similarity;
 use gs_core::{Image, Real, Splats, activation, quat};
@@ -68,11 +69,24 @@ impl Editor {
         &self.origins
     }
 
-    /// Applies one step.
+    /// Applies one step, which must not be [`Action::Style`].
     ///
     /// # Errors
     /// If the step fails; the splats are then unchanged.
     pub fn apply(&mut self, step: &Step, resources: &Resources) -> Result<(), EditError> {
+        self.apply_with(step, resources, &mut NoStyleTransfer)
+    }
+
+    /// Applies one step; `style` fits the patterns of [`Action::Style`].
+    ///
+    /// # Errors
+    /// If the step fails; the splats are then unchanged.
+    pub fn apply_with(
+        &mut self,
+        step: &Step,
+        resources: &Resources,
+        style: &mut dyn StyleTransfer,
+    ) -> Result<(), EditError> {
         match step {
             Step::Select(selector) => {
                 let frame =
@@ -82,7 +96,7 @@ impl Editor {
                     format!("the last `--select` selects none of {} splats", self.splats.len());
                 Ok(())
             }
-            Step::Act(action) => self.act(action, resources),
+            Step::Act(action) => self.act(action, resources, style),
         }
     }
 
@@ -90,7 +104,12 @@ impl Editor {
         (0..self.splats.len()).filter(|&row| self.selected[row]).collect()
     }
 
-    fn act(&mut self, action: &Action, resources: &Resources) -> Result<(), EditError> {
+    fn act(
+        &mut self,
+        action: &Action,
+        resources: &Resources,
+        style: &mut dyn StyleTransfer,
+    ) -> Result<(), EditError> {
         let name = action.name();
         let rows = self.rows();
         if rows.is_empty() && !matches!(action, Action::Graft { .. }) {
@@ -142,6 +161,20 @@ impl Editor {
                 match_colors(&mut part, picture, *sliced)
                     .ok_or_else(|| EditError::EmptyImage(image.clone()))?;
             }
+            Action::Style { image, strength } => {
+                let picture = resources.images.get(image).ok_or_else(|| missing("image", image))?;
+                let before = part.clone();
+                match_colors(&mut part, picture, true)
+                    .ok_or_else(|| EditError::EmptyImage(image.clone()))?;
+                let mut matched = self.splats.clone();
+                write_rows(&mut matched, &rows, &part);
+                let styled = style
+                    .transfer(&matched, &self.selected, picture)
+                    .map_err(|source| EditError::Style { name: image.clone(), source })?;
+                styled.check_shapes()?;
+                part.sh = styled.select(&rows).sh;
+                mix(&mut part, &before, *strength);
+            }
             _ => {
                 if let Some(map) = color_map(action, &part) {
                     let coeffs = part.sh_coeffs();
@@ -150,14 +183,7 @@ impl Editor {
             }
         }
         check_finite(name, &part, rows.iter().copied())?;
-        let coeffs = self.splats.sh_coeffs();
-        for (i, &row) in rows.iter().enumerate() {
-            self.splats.means[row] = part.means[i];
-            self.splats.quats[row] = part.quats[i];
-            self.splats.log_scales[row] = part.log_scales[i];
-            self.splats.opacity_logits[row] = part.opacity_logits[i];
-            self.splats.sh[row * coeffs..(row + 1) * coeffs].copy_from_slice(part.sh_of(i));
-        }
+        write_rows(&mut self.splats, &rows, &part);
         Ok(())
     }
 
@@ -199,6 +225,27 @@ impl GraftPose {
             rotation: rotation(self.degrees),
             mirrored: false,
             translation: self.translation,
+        }
+    }
+}
+
+/// Replaces `rows` of `splats` by the rows of `part`, which has the same SH degree.
+fn write_rows(splats: &mut Splats, rows: &[usize], part: &Splats) {
+    let coeffs = splats.sh_coeffs();
+    for (i, &row) in rows.iter().enumerate() {
+        splats.means[row] = part.means[i];
+        splats.quats[row] = part.quats[i];
+        splats.log_scales[row] = part.log_scales[i];
+        splats.opacity_logits[row] = part.opacity_logits[i];
+        splats.sh[row * coeffs..(row + 1) * coeffs].copy_from_slice(part.sh_of(i));
+    }
+}
+
+/// Mixes the harmonics of `part` with those of `before`: `strength` of `part`, 0 to 1.
+fn mix(part: &mut Splats, before: &Splats, strength: f64) {
+    for (new, old) in part.sh.iter_mut().zip(&before.sh) {
+        for (new, &old) in new.iter_mut().zip(old) {
+            *new = (f64::from(old) + strength * (f64::from(*new) - f64::from(old))).as_f32();
         }
     }
 }

@@ -99,6 +99,15 @@ pub enum EditError {
     /// A picture has no pixel with colour.
     #[error("`{0}` has no visible pixels to take colours from")]
     EmptyImage(String),
+    /// The style transfer failed.
+    #[error("`--style {name}`: {source}")]
+    Style {
+        /// Name of the picture.
+        name: String,
+        /// Error of the [`crate::StyleTransfer`].
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// Arrays of the splats have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),

@@ -22,7 +22,7 @@
 //! ```
 //!
 //! Deliberately absent: files (callers load what [`Script::needs`] lists), motion (given as
-//! [`Motion`]), fitting to pictures.
+//! [`Motion`]), rendering (styles need a [`StyleTransfer`]), fitting to pictures.
 
 mod action;
 mod color;
@@ -38,6 +38,7 @@ mod reach;
 mod resources;
 mod script;
 mod selector;
+mod style;
 mod summary;
 mod transport;
 
@@ -52,6 +53,7 @@ pub use lift::lift_masks;
 pub use resources::{Motion, ResourceNames, Resources};
 pub use script::{Script, Step};
 pub use selector::{Bounds, Selector, SplatProperty};
+pub use style::StyleTransfer;
 pub use summary::Summary;
 
 /// Runs the example of the README.

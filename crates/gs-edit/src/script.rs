@@ -68,7 +68,7 @@ impl Script {
                     }
                     _ => {}
                 }),
-                Step::Act(Action::MatchColors { image, .. }) => {
+                Step::Act(Action::MatchColors { image, .. } | Action::Style { image, .. }) => {
                     needs.images.insert(image.clone());
                 }
                 Step::Act(Action::Graft { file, .. }) => {

@@ -2,9 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use gs_core::{Camera, Rasterizer, RenderParams, Splats, quat, sh};
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, quat, sh};
 use gs_edit::{
-    ColorMap, EditError, Editor, Motion, Resources, Script, Selector, SelectorInput, base_color,
+    ColorMap, EditError, Editor, Motion, Resources, Script, Selector, SelectorInput, StyleTransfer,
+    base_color,
 };
 use gs_raster_cpu::CpuRasterizer;
 use proptest::prelude::*;
@@ -309,6 +310,52 @@ fn matched_colours_have_the_moments_of_the_picture() {
     resources.images.insert("empty.png".to_owned(), empty);
     let error = edited_with(&splats, &[("match-colors", "empty.png")], &resources).unwrap_err();
     assert!(matches!(error, EditError::EmptyImage(_)), "{error}");
+}
+
+/// Turns the harmonics of all splats to a constant, and records its input.
+struct ConstantStyle(Option<Splats>);
+
+impl StyleTransfer for ConstantStyle {
+    fn transfer(
+        &mut self,
+        splats: &Splats,
+        _selected: &[bool],
+        _picture: &Image,
+    ) -> Result<Splats, Box<dyn std::error::Error + Send + Sync>> {
+        let mut styled = splats.clone();
+        styled.sh.fill([0.25; 3]);
+        self.0 = Some(splats.clone());
+        Ok(styled)
+    }
+}
+
+#[test]
+fn styles_change_the_selection_by_their_strength() {
+    let splats = ball(400, 8);
+    let mut resources = resources(&splats);
+    let picture = Image::from_data(2, 1, 3, vec![0.1, 0.2, 0.3, 0.9, 0.8, 0.2]).unwrap();
+    resources.images.insert("style.png".to_owned(), picture);
+    let script = Script::parse([("select", "x>0"), ("style", "style.png:.5")]).unwrap();
+    let mut editor = Editor::new(splats.clone()).unwrap();
+    let mut style = ConstantStyle(None);
+    for step in &script.steps {
+        editor.apply_with(step, &resources, &mut style).unwrap();
+    }
+    let matched = edited_with(
+        &splats,
+        &[("select", "x>0"), ("match-colors", "style.png"), ("sliced", "")],
+        &resources,
+    );
+    assert_eq!(style.0, Some(matched.unwrap()), "the transfer starts at the matched colours");
+    for row in 0..splats.len() {
+        let (old, new) = (splats.sh_of(row), editor.splats().sh_of(row));
+        for (old, new) in old.iter().flatten().zip(new.iter().flatten()) {
+            let expected = if splats.means[row][0] > 0.0 { 0.5 * old + 0.125 } else { *old };
+            assert!((new - expected).abs() < 1e-6, "splat {row}: {new} {expected}");
+        }
+    }
+    let error = editor.apply(&script.steps[1], &resources).unwrap_err();
+    assert!(matches!(error, EditError::Style { .. }), "no transfer: {error}");
 }
 
 #[test]

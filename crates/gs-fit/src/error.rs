@@ -41,6 +41,12 @@ pub enum FitError {
         /// Views with a mask.
         views: usize,
     },
+    /// Nothing to compare: too few patches of 7×7 pixels.
+    #[error("{what} has too few patches of 7×7 pixels")]
+    NoPatches {
+        /// `the picture` or `the selection`.
+        what: &'static str,
+    },
     /// An option is out of range.
     #[error("{name} is {found}, expected {expected}")]
     Option {

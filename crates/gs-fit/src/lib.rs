@@ -27,12 +27,15 @@ mod error;
 mod fingerprint;
 mod fit;
 mod frozen_geometry;
+mod gamut;
 pub mod loss;
 pub mod mask;
 mod optimizer;
 mod options;
+mod patch_statistics;
 mod report;
 mod state;
+mod style;
 mod subset;
 mod view;
 pub mod votes;
@@ -44,6 +47,7 @@ pub use fit::{Fitted, fit};
 pub use options::{FitOptions, FitRates};
 pub use report::{FitReport, PoorlySeen};
 pub use state::{FitObserver, FitPreview, FitProgress, FitState, NoFitObserver};
+pub use style::{StyleFit, StyleOptions, fit_style};
 pub use view::EditedPicture;
 
 #[cfg(doctest)]

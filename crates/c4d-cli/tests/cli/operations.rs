@@ -81,6 +81,25 @@ fn an_edit_keeps_its_motion() {
 }
 
 #[test]
+fn styles_change_colours_of_the_selection_and_are_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let style = image::RgbImage::from_fn(90, 60, |x, y| {
+        image::Rgb(if (x + y) / 6 % 2 == 0 { [30, 40, 120] } else { [240, 220, 90] })
+    });
+    style.save(at("style.png")).unwrap();
+    let step = ["--select", "!moving", "--style", "style.png:.8"];
+    success(&mut edit(folder.path(), &[&step[..], &["-o", "a.ply"]].concat()));
+    let record = at("a.edit.json");
+    success(&mut edit(folder.path(), &["--replay", text(&record), "-o", "b.ply"]));
+    let (original, styled) = (splats(&source().join("frame_00000.ply")), splats(&at("a.ply")));
+    assert_eq!(std::fs::read(at("a.ply")).unwrap(), std::fs::read(at("b.ply")).unwrap(), "replay");
+    assert_eq!((&original.means, &original.quats), (&styled.means, &styled.quats), "colours only");
+    let changed = (0..original.len()).filter(|&i| original.sh_of(i) != styled.sh_of(i)).count();
+    assert!(changed > 20 && changed < original.len(), "the selection: {changed}");
+}
+
+#[test]
 fn a_record_repeats_the_edit_from_anywhere() {
     let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     std::fs::write(folder.path().join("rows.txt"), "# picked\n3..40, 77\n").unwrap();
@@ -184,6 +203,7 @@ fn a_frozen_frame_is_edited_through_masks() {
 fn wrong_edits_are_said_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("style.png"), b"\x89PNG\r\n\x1a\n and no more").unwrap();
+    image::RgbImage::new(3, 200).save(folder.path().join("dot.png")).unwrap();
     std::fs::write(folder.path().join("far.txt"), "1 2 99999999").unwrap();
     std::fs::write(folder.path().join("words.txt"), "one two").unwrap();
     std::fs::write(folder.path().join("other.json"), "{}").unwrap();
@@ -206,6 +226,9 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         (vec!["--select", "part 99", "--delete"], 2, "the scene has part"),
         (vec!["--match-colors", "style.png"], 3, "not a picture that can be read"),
         (vec!["--match-colors", "far.txt"], 3, "not a picture that can be read"),
+        (vec!["--style", "style.png"], 3, "not a picture that can be read"),
+        (vec!["--style", "dot.png"], 3, "too few patches of 7×7 pixels"),
+        (vec!["--style", "dot.png:2"], 2, "column 9"),
         (vec!["--sliced"], 2, "must directly follow"),
         (vec!["--graft", "words.txt"], 3, "expected one frame of splats"),
         (vec!["--replay", "other.json"], 3, "not a record of c4d edit"),

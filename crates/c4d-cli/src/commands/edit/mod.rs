@@ -8,6 +8,7 @@ mod pictures;
 mod progress;
 mod record;
 mod resources;
+mod style;
 
 use crate::args::{EditArgs, Global};
 use crate::console::Console;

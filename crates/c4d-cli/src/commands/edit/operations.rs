@@ -3,15 +3,17 @@
 use super::picture::{self, Shown};
 use super::record::{Record, RecordFile, RecordedStep};
 use super::resources::{self, Input};
+use super::style::ViewStyle;
 use crate::args::{EditArgs, Global, Up};
 use crate::console::Console;
-use crate::device::Device;
+use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::scene::Opened;
 use crate::{frames, still};
 use gs_core::Splats;
-use gs_edit::{EditError, Editor, Resources, Script, Step, Summary};
+use gs_edit::{Action, EditError, Editor, Resources, Script, Step, Summary};
+use gs_fit::FitError;
 use gs_io::AtomicFile;
 use gs_io::ply::comments;
 use gs_io::ply::{self, WriteOptions};
@@ -56,7 +58,13 @@ pub(super) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcom
 
     let input = Input { opened: &opened, time, splats: &before };
     let loaded = resources::load(&needs, input, &plan.folders, global, console)?;
-    let edit = apply(&script, &plan.options, &before, &loaded, args.stats, console)?;
+    let style = script.steps.iter().any(|step| matches!(step, Step::Act(Action::Style { .. })));
+    let style = style.then(|| {
+        let up = args.up.map_or(opened.up, Up::vector);
+        ViewStyle::new(&opened, up, Device::open(global.gpu)?, console)
+    });
+    let style = style.transpose()?;
+    let edit = apply((&script, &plan.options), &before, (&loaded, style), args.stats, console)?;
     outputs.write(args, &opened, (&before, time), (&edit, &plan.folders), global, console)
 }
 
@@ -139,6 +147,12 @@ fn edit_failure(error: &EditError) -> Failure {
         EditError::EmptyImage(_) => {
             Failure::bad_input(text).next("Give a picture with opaque pixels.")
         }
+        EditError::Style { source, .. } if let Some(FitError::Raster(error)) = source.downcast_ref() => {
+            device::failure(error)
+        }
+        EditError::Style { .. } => Failure::bad_input(text).next(
+            "Use a picture of at least 64×64 opaque pixels, and a selection that is visible; --preview LOOK.png shows it.",
+        ),
         EditError::Splats(_) => Failure::bad_input(text).next(INPUTS),
         _ => Failure::failed(text),
     }
@@ -155,10 +169,9 @@ struct Edit {
 }
 
 fn apply(
-    script: &Script,
-    options: &[(String, String)],
+    (script, options): (&Script, &[(String, String)]),
     before: &Splats,
-    loaded: &Resources,
+    (loaded, mut style): (&Resources, Option<ViewStyle<'_>>),
     stats: bool,
     console: &Console,
 ) -> Outcome<Edit> {
@@ -176,7 +189,11 @@ fn apply(
         if option != "sliced"
             && let Some(step) = steps.next()
         {
-            editor.apply(step, loaded).map_err(|error| edit_failure(&error))?;
+            let applied = match &mut style {
+                Some(style) => editor.apply_with(step, loaded, style),
+                None => editor.apply(step, loaded),
+            };
+            applied.map_err(|error| edit_failure(&error))?;
         }
         let selected = editor.selected().iter().filter(|&&selected| selected).count();
         edit.steps.push(RecordedStep {

@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     #[cfg(feature = "webp")]
-    fn webp_reads_back_to_the_same_bytes() {
+    fn webp_round_trips_exactly() {
         let bytes = write(30.0, 7, false);
         let decoder = webp_animation::Decoder::new(&bytes).unwrap();
         for (f, found) in decoder.into_iter().enumerate() {

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_and_swatches_are_drawn_beside_the_image() {
+    fn text_and_swatches_are_drawn_next_to_the_image() {
         let image = Image::from_data(80, 2, 3, vec![0.5; 480]).unwrap();
         let titled = titled(&image, "ab");
         assert_eq!((titled.width, titled.height), (80, 2 + LINE), "a line more");

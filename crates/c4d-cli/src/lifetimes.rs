@@ -47,7 +47,7 @@ impl Lifetimes {
             let opacity = |row: usize| (255.0 * splats.opacity(row)) as u8;
             levels.push((0..n).map(opacity).collect::<Vec<u8>>());
         }
-        let asked = times.iter().position(|&t| t >= time).unwrap_or(SAMPLES - 1);
+        let requested = times.iter().position(|&t| t >= time).unwrap_or(SAMPLES - 1);
         let (mut ever, mut lives) = (0_usize, Vec::new());
         for row in 0..n {
             let peak = levels.iter().map(|levels| levels[row]).max().unwrap_or(0);
@@ -57,11 +57,11 @@ impl Lifetimes {
             ever += 1;
             let least = f32::from(VISIBLE).max(SHARE_OF_PEAK * f32::from(peak));
             let is_visible = |levels: &&Vec<u8>| f32::from(levels[row]) > least;
-            if !is_visible(&&levels[asked]) {
+            if !is_visible(&&levels[requested]) {
                 continue;
             }
-            let after = levels[asked..].iter().take_while(is_visible).count();
-            let before = levels[..asked].iter().rev().take_while(is_visible).count();
+            let after = levels[requested..].iter().take_while(is_visible).count();
+            let before = levels[..requested].iter().rev().take_while(is_visible).count();
             lives.push(after + before - 1);
         }
         if lives.is_empty() {
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn brief_and_lasting_splats_are_distinguished() {
+    fn short_lived_and_permanent_splats_are_distinguished() {
         let still = Polynomial {
             velocity: [[0.0; 3]; 3],
             omega: [0.0; 4],
@@ -124,8 +124,8 @@ mod tests {
         assert!(found.is_partial() && found.median == 1.0, "{found:?}");
         let found = Lifetimes::of(&scene, 0.25).unwrap().unwrap();
         assert_eq!(found.share, 0.25, "only the lasting one");
-        let said = found.describe();
-        assert!(said.starts_with("25 % of the splats"), "{said}");
+        let message = found.describe();
+        assert!(message.starts_with("25 % of the splats"), "{message}");
         let static_scene = StaticScene::new(rest(2)).unwrap();
         assert_eq!(Lifetimes::of(&static_scene, 0.0).unwrap(), None, "nothing fades");
     }

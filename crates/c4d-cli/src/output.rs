@@ -60,8 +60,8 @@ fn real(path: &Path) -> Option<PathBuf> {
 }
 
 /// Refuses SH degrees that the scene does not have.
-pub(crate) fn check_sh_degree(asked: Option<usize>, available: usize) -> Outcome {
-    match asked {
+pub(crate) fn check_sh_degree(requested: Option<usize>, available: usize) -> Outcome {
+    match requested {
         Some(degree) if degree > available => Err(Failure::usage(format!(
             "--sh-degree {degree}: the scene has SH degree {available}"
         ))),

@@ -100,17 +100,20 @@ mod tests {
         assert_eq!(for_path(dir.path(), Needed::Scene), None, "the folder is empty");
         fs::write(dir.path().join("notes.txt"), "hello").unwrap();
         fs::write(dir.path().join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-        let said = for_path(dir.path(), Needed::Scene).unwrap();
-        assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
+        let message = for_path(dir.path(), Needed::Scene).unwrap();
+        assert!(message.contains("walk.splatv") && message.contains("give that"), "{message}");
         assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is not a frame");
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
-        let said = for_path(dir.path(), Needed::Scene).unwrap();
-        assert!(said.contains("wave.splat4d") && said.contains("one of these paths"), "{said}");
+        let message = for_path(dir.path(), Needed::Scene).unwrap();
+        assert!(
+            message.contains("wave.splat4d") && message.contains("one of these paths"),
+            "{message}"
+        );
         let outer = tempfile::tempdir().unwrap();
         let inner = outer.path().join("output/exp1");
         fs::create_dir_all(&inner).unwrap();
         fs::write(inner.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-        let said = for_path(outer.path(), Needed::Scene).unwrap();
-        assert!(said.contains("exp1") && said.contains("walk.splatv"), "deeper: {said}");
+        let message = for_path(outer.path(), Needed::Scene).unwrap();
+        assert!(message.contains("exp1") && message.contains("walk.splatv"), "deeper: {message}");
     }
 }

@@ -21,8 +21,8 @@ pub fn start_threads(threads: Option<usize>) -> Outcome {
     }
     let mut started = STARTED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     match (*started, threads) {
-        (Some(running), Some(asked)) if asked != running => Err(Failure::usage(format!(
-            "--threads {asked}: the thread pool of this process already runs with {running}"
+        (Some(running), Some(requested)) if requested != running => Err(Failure::usage(format!(
+            "--threads {requested}: the thread pool of this process already runs with {running}"
         ))
         .next("Give the number with the first call of the process, or start a new process.")),
         (Some(_), _) => Ok(()),

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_runs_apart() {
+    fn names_of_runs_are_distinct() {
         let of = |runs: &[&str]| names(&runs.iter().map(Into::into).collect::<Vec<_>>());
         assert_eq!(of(&["a/run", "b"]), ["run", "b"], "last parts");
         assert_eq!(of(&["a/run", "b/run"]), ["a/run", "b/run"], "more where needed");

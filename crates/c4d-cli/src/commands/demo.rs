@@ -2,7 +2,7 @@
 
 use super::propagate::{self, Recorded};
 use super::refine;
-use super::render::{Shot, Views, write_sheet};
+use super::render::{RenderJob, Views, write_sheet};
 use crate::args::{DemoArgs, Global, MotionArg, Pass, PresetArg, RefineFlags};
 use crate::clip_file;
 use crate::console::Console;
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         error.epe, error.num_scored, error.p95
     ));
     let front: Vec<Camera> = cameras.into_iter().take(1).collect();
-    let shot = Shot {
+    let job = RenderJob {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
@@ -128,9 +128,9 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     };
     let fps = (args.frames as f64 / SECS).min(MAX_FPS);
     clip_file::write_playable((&root.join(VIDEO), Existing::Refuse), fps, |push| {
-        shot.render(|exposure| push(&exposure.image(Pass::Rgb)))
+        job.render(|exposure| push(&exposure.image(Pass::Rgb)))
     })?;
-    write_sheet((&root.join(SHEET), Existing::Refuse), &shot)?;
+    write_sheet((&root.join(SHEET), Existing::Refuse), &job)?;
     folder.commit().map_err(|error| output_failure(&error))?;
 
     console.note(format!(

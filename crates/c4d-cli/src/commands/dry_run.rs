@@ -11,7 +11,7 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::images;
 use crate::output::{existing, output_failure};
 use crate::renderer::side_by_side;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::Splats;
@@ -77,7 +77,7 @@ impl Fate {
 /// time of the edit, and writes the image.
 pub(super) fn show(
     args: &PropagateJob,
-    (source, before): (&Opened, &Splats),
+    (source, before): (&LoadedScene, &Splats),
     (after, identity): (&Splats, &IdentityParams),
     global: &Global,
     console: &Console,
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_image_is_beside_the_run() {
+    fn the_preview_is_next_to_the_run() {
         let path = |output: &str| picture_path(Path::new(output)).display().to_string();
         assert_eq!(path("out/run/"), "out/run.preview.png", "a folder");
         assert_eq!(path("run.v2"), "run.v2.preview.png", "a dot");

@@ -7,7 +7,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, images, memory, placement, scene};
 use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{Camera, Splats};
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
 /// Cameras to write, and where they come from.
 fn cameras_of(
     args: &FreezeArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<(Vec<Camera>, String)> {
     let count = args.views.map(usize::from);

@@ -1,12 +1,12 @@
 //! `c4d info`: shows what a path is, what is missing, and what to do with it.
 
-mod products;
+mod unsupported_files;
 
 use crate::args::{AxesArg, Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::lifetimes::Lifetimes;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::suggestion::{self, Needed};
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats, nearest_rank};
@@ -61,13 +61,13 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
         }
         SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
         SceneKind::Unsupported(format) => {
-            let mut report = Report::new(path, &kind);
+            let mut report = InfoReport::new(path, &kind);
             report.add("next", json!(within(path).unwrap_or_else(|| format.next.to_owned())));
             report
         }
         other => {
-            if let Some((lines, next)) = products::of_folder(path) {
-                show(&products_of(path, &lines, next), console);
+            if let Some((lines, next)) = unsupported_files::of_folder(path) {
+                show(&unsupported_report(path, &lines, next), console);
                 return Ok(());
             }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
@@ -83,7 +83,7 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     Ok(())
 }
 
-fn show(report: &Report, console: &Console) {
+fn show(report: &InfoReport, console: &Console) {
     console.report(|| report.json());
     console.result(report.text());
 }
@@ -117,11 +117,11 @@ fn is_list(name: &str) -> bool {
 
 /// Entries in display order.
 #[derive(Default)]
-struct Report {
+struct InfoReport {
     lines: Vec<(String, Value)>,
 }
 
-impl Report {
+impl InfoReport {
     fn new(path: &Path, kind: &SceneKind) -> Self {
         let mut report = Self { lines: Vec::new() };
         report.add("path", json!(path.display().to_string()));
@@ -160,12 +160,12 @@ impl Report {
     }
 }
 
-fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report> {
+fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<InfoReport> {
     let mut frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
     if let Some(axes) = axes {
         frame = frame.in_axes(axes.axes());
     }
-    let mut report = Report::new(path, kind);
+    let mut report = InfoReport::new(path, kind);
     let file = gs_io::frame::file_of(path);
     if file != path {
         report.add("file", json!(file.display().to_string()));
@@ -222,9 +222,9 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
 }
 
 /// Cameras of a data set: numbers, times, sizes, and assumptions.
-fn camera_set(path: &Path) -> Outcome<Report> {
+fn camera_set(path: &Path) -> Outcome<InfoReport> {
     let set = cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
-    let mut report = Report::new(path, &SceneKind::Cameras(set.format));
+    let mut report = InfoReport::new(path, &SceneKind::Cameras(set.format));
     if set.path != path {
         report.add("data set", json!(set.path.display().to_string()));
     }
@@ -287,8 +287,8 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     entries.iter().take(MAX_PARTS).filter_map(known).collect()
 }
 
-fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
-    let mut report = Report::default();
+fn unsupported_report(path: &Path, lines: &[String], next: &str) -> InfoReport {
+    let mut report = InfoReport::default();
     report.add("path", json!(path.display().to_string()));
     report.add("kind", json!("folder with no supported files"));
     for line in lines {
@@ -298,8 +298,8 @@ fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
     report
 }
 
-fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
-    let mut report = Report::default();
+fn folder(path: &Path, parts: &[(String, SceneKind)]) -> InfoReport {
+    let mut report = InfoReport::default();
     report.add("path", json!(path.display().to_string()));
     let several = parts.len() > 1;
     report.add("kind", json!(if several { "folder with several inputs" } else { "folder" }));
@@ -319,8 +319,8 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
     report
 }
 
-fn dynamic(opened: &Opened) -> Outcome<Report> {
-    let mut report = Report::new(&opened.path, &opened.kind);
+fn dynamic(opened: &LoadedScene) -> Outcome<InfoReport> {
+    let mut report = InfoReport::new(&opened.path, &opened.kind);
     for (name, value) in &opened.facts {
         // Counts are numbers in JSON.
         let number =
@@ -359,7 +359,7 @@ fn cameras_of_model(path: &Path) -> String {
     }
 }
 
-fn describe(report: &mut Report, splats: Splats) {
+fn describe(report: &mut InfoReport, splats: Splats) {
     report.add("splats", json!(splats.len()));
     report.add("sh_degree", json!(splats.sh_degree));
     if let Some((min, max)) = splats.bounds() {

@@ -14,7 +14,7 @@ use crate::field::NetworkField;
 use crate::lifetimes::Lifetimes;
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::run_folder::{self, Checkpoint};
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::settings::{PropagateJob, RefineSettings, Settings};
 use crate::stages::Stages;
 use crate::{frames, memory, placement};
@@ -119,7 +119,7 @@ pub(crate) fn propagate(
 }
 
 /// Whether to follow splats or surfaces: as requested, else chosen by the lifetimes of the splats.
-fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
+fn follow(args: &PropagateJob, source: &LoadedScene, console: &Console) -> Outcome<FollowArg> {
     if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
         return Err(Failure::usage(
             "--follow surface does not apply to --baseline deformnet, which evaluates the network at the edited splats",
@@ -131,7 +131,7 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     let usual =
         args.preset == PresetArg::Best && args.baseline.is_none() && args.motion == MotionArg::Amg;
     let follow = match (args.follow, &lifetimes) {
-        (Some(asked), _) => asked,
+        (Some(requested), _) => requested,
         (None, Some(_)) if usual => FollowArg::Surface,
         (None, _) => FollowArg::Splats,
     };
@@ -147,7 +147,7 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     Ok(follow)
 }
 
-fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
+fn options(args: &PropagateJob, source: &LoadedScene) -> Outcome<MotionOptions> {
     let mut options = match (args.baseline, args.preset) {
         (Some(BaselineArg::Knn), _) => MotionOptions::preset(Preset::Knn),
         (Some(BaselineArg::Deformnet), _) => {

@@ -5,7 +5,7 @@
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::frames;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::image_formation::ALPHA_THRESHOLD;
@@ -44,7 +44,7 @@ const CELL: f64 = 0.005;
 /// the flags request it, and adapts `params` to them.
 pub(crate) fn fit(
     args: &PropagateJob,
-    source: &Opened,
+    source: &LoadedScene,
     frame: &Splats,
     edited: Splats,
     params: &mut IdentityParams,
@@ -132,7 +132,7 @@ fn undo(
 /// scene at the given time match it at another time.
 fn refuse_other_time(
     args: &PropagateJob,
-    source: &Opened,
+    source: &LoadedScene,
     edited: &Splats,
     map: &IdentityMap,
     params: &IdentityParams,
@@ -223,7 +223,7 @@ impl Cells {
 
 /// Candidate times of an edit: the scene's frames, or, for continuous
 /// scenes, round numbers in order of simplicity.
-fn other_times(source: &Opened, given: f32) -> Vec<f32> {
+fn other_times(source: &LoadedScene, given: f32) -> Vec<f32> {
     let range = source.scene.time_range();
     let mut times = if let Some(count) = source.scene.num_frames() {
         let all = range.frames(count);
@@ -284,7 +284,7 @@ fn refuse_other_scene(
 fn refuse_canonical(
     args: &PropagateJob,
     identity: &IdentityParams,
-    source: &Opened,
+    source: &LoadedScene,
     frame: &Splats,
     edited: &Splats,
 ) -> Outcome {

@@ -16,7 +16,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::Timing;
 use crate::output::existing;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::still;
 use gs_player::{Page, PageScenes};
 use guard::Token;
@@ -148,7 +148,7 @@ fn serve(mut stream: TcpStream, session: &Session<'_>, token: &Token) {
 }
 
 /// Refuses overlays that apply to none of the scenes.
-fn check_overlays(args: &ViewArgs, scenes: &[Opened]) -> Outcome {
+fn check_overlays(args: &ViewArgs, scenes: &[LoadedScene]) -> Outcome {
     let has_run = scenes.iter().any(|opened| opened.binding.is_some());
     match args.overlay.iter().find(|kind| kind.needs_run() && !has_run) {
         Some(kind) => Err(Failure::usage(format!(
@@ -161,7 +161,7 @@ fn check_overlays(args: &ViewArgs, scenes: &[Opened]) -> Outcome {
 }
 
 /// Number of frames, by default that of the first dynamic scene, and their rate.
-fn timing(args: &ViewArgs, scenes: &[Opened]) -> Outcome<(usize, f64)> {
+fn timing(args: &ViewArgs, scenes: &[LoadedScene]) -> Outcome<(usize, f64)> {
     let timing = Timing { frames: args.frames, fps: args.fps, ..Timing::default() };
     timing.check()?;
     let moving = scenes.iter().find(|opened| !opened.kind.is_frame());

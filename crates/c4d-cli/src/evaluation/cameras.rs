@@ -4,7 +4,7 @@ use crate::args::{SplitArg, Up};
 use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
 use gs_io::cameras::stations;
@@ -47,7 +47,7 @@ pub(crate) struct Viewpoints {
 /// set, else those of the scene.
 pub(crate) fn viewpoints(
     flags: &ViewFlags<'_>,
-    opened: &Opened,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<Viewpoints> {
     let scene = opened.scene.as_ref();

@@ -3,11 +3,11 @@
 mod bad_input;
 #[cfg(test)]
 mod hostile;
+mod loaded_scene;
 mod open;
-mod opened;
 mod run;
 
 pub(crate) use bad_input::bad_input;
+pub(crate) use loaded_scene::{LoadedScene, UP_CAPTURED};
 pub(crate) use open::{open, open_run, open_with, refuse_model_flags};
-pub(crate) use opened::{Opened, UP_CAPTURED};
 pub(crate) use run::Run;

@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{frames, still};
 use gs_core::Splats;
 use gs_edit::{EditError, Editor, Resources, Script, Step, Summary};
@@ -299,7 +299,7 @@ impl Outputs {
     fn write(
         self,
         args: &EditArgs,
-        opened: &Opened,
+        opened: &LoadedScene,
         (before, time): (&Splats, f32),
         (edit, folders): (&Edit, &[PathBuf]),
         global: &Global,
@@ -338,7 +338,7 @@ impl Outputs {
 
 /// Comments of the result: those of an input PLY (such as the time of the frame), else time and
 /// upward axis.
-fn comments(opened: &Opened, time: f32) -> Vec<String> {
+fn comments(opened: &LoadedScene, time: f32) -> Vec<String> {
     let frame = opened.files.first().filter(|_| opened.kind.is_frame());
     if let Some(header) = frame.and_then(|file| ply::read_header_file(file).ok()) {
         return header.comments;

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_lie_beside_their_frames() {
+    fn records_are_next_to_their_frames() {
         assert_eq!(path_of(Path::new("a/hat.ply")), Path::new("a/hat.edit.json"), "a PLY");
         assert_eq!(path_of(Path::new("hat")), Path::new("hat.edit.json"), "no ending");
     }

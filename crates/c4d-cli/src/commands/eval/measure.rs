@@ -10,7 +10,7 @@ use crate::evaluation::{
 use crate::failure::{Failure, Outcome};
 use crate::part::{PartRecord, Share};
 use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE, fingerprint};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{frames, memory, still};
 use gs_io::SceneKind;
 use serde_json::{Map, Value, json};
@@ -213,7 +213,7 @@ fn work(header: &Header<'_>, wanted: &Wanted<'_>, files: [(&str, Value); 2]) -> 
 
 /// Ground truth.
 enum Known {
-    Scene(Box<Opened>),
+    Scene(Box<LoadedScene>),
     Photos(Photos),
 }
 

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::report::{RunReport, run_report};
 use crate::run_folder::{self, CONFIG, REPORT, REPORT_PAGE, RunConfig, SCENE, Stored};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::{AnchorSettings, KnnSettings, PropagateJob, TransportSettings};
 use amg::{MotionGuide, MotionOptions, Propagation};
 use clap::ValueEnum;
@@ -24,7 +24,7 @@ pub(super) struct Finished<'a> {
     pub(super) args: &'a PropagateJob,
     pub(super) recorded: &'a Recorded,
     pub(super) global: &'a Global,
-    pub(super) source: &'a Opened,
+    pub(super) source: &'a LoadedScene,
     pub(super) options: &'a MotionOptions,
     pub(super) follow: FollowArg,
     pub(super) propagation: &'a Propagation,

@@ -48,13 +48,13 @@ pub(crate) fn check(
         );
     }
     chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
-    if let Some(asked) = flags.memory {
-        if asked < MIN_MEMORY {
-            return refuse(format!("--memory {asked}: expected MiB, {MIN_MEMORY} or more"));
+    if let Some(requested) = flags.memory {
+        if requested < MIN_MEMORY {
+            return refuse(format!("--memory {requested}: expected MiB, {MIN_MEMORY} or more"));
         }
         memory::require(
-            &format!("--memory {asked}"),
-            (asked as u64).saturating_mul(memory::MIB),
+            &format!("--memory {requested}"),
+            (requested as u64).saturating_mul(memory::MIB),
             "Give a smaller value: images that do not fit are rendered again, or fewer are used.",
         )?;
     }

@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_summary_says_what_was_repaired_what_was_left_and_why() {
+    fn the_summary_lists_repaired_and_unchanged_splats_with_reasons() {
         let options = RefineOptions::default();
         let mut report = RefineReport { num_edited: 50, ..RefineReport::default() };
         report.repair.hidden = 9;

@@ -4,7 +4,7 @@ use crate::args::{Crop, RenderArgs, SplitArg};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
 use std::path::Path;
@@ -37,7 +37,7 @@ impl Views {
 /// they have any and no others are requested.
 pub(crate) fn views(
     args: &RenderArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     times: &mut Vec<f32>,
     console: &Console,
 ) -> Outcome<Views> {
@@ -106,7 +106,7 @@ pub(crate) fn cropped(
 /// times if they have none or others are requested.
 fn of_files(
     args: &RenderArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     named: &str,
     times: &mut Vec<f32>,
     console: &Console,

@@ -3,7 +3,7 @@
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::overlays::{Class, LayerSource, confidence, displacement};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use amg::{Binding, RigidParts, RowKind};
 use gs_core::{DynamicScene, Splats, sh};
 use serde::Serialize;
@@ -70,7 +70,7 @@ impl Side {
 
 impl Descriptions {
     pub(super) fn of(
-        opened: &Opened,
+        opened: &LoadedScene,
         layers: &mut LayerSource<'_>,
         console: &Console,
     ) -> Outcome<Self> {

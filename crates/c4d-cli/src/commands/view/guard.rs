@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_page_itself_is_answered() {
+    fn only_requests_from_the_page_are_answered() {
         for host in ["127.0.0.1:8000", "localhost:9", "LOCALHOST", "[::1]:80"] {
             assert_eq!(status("GET", "/abc/x", host, None), None, "{host}");
         }

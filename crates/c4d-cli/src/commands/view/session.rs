@@ -101,8 +101,8 @@ impl Session<'_> {
                     quoted(&file)
                 );
                 self.console.result(&line);
-                let said = format!("Saved as {name} in {}", file.display());
-                Response::json(&json!({ "said": said, "line": line }))
+                let message = format!("Saved as {name} in {}", file.display());
+                Response::json(&json!({ "message": message, "line": line }))
             }
             Err(reason) => Response::refusal(400, reason),
         }

@@ -35,7 +35,7 @@ fn edit_is_propagated_and_exported() {
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let source = fixture("synth/source");
     let edited = fixture("synth/edited.ply");
-    let (_, said) = success(&mut c4d([
+    let (_, stderr) = success(&mut c4d([
         "propagate",
         path(&source),
         "--no-refine",
@@ -44,7 +44,7 @@ fn edit_is_propagated_and_exported() {
         "-o",
         path(&run),
     ]));
-    assert!(said.contains("unchanged (exact)"), "reports the identity map: {said}");
+    assert!(stderr.contains("unchanged (exact)"), "reports the identity map: {stderr}");
     assert_eq!(listing(&run), ["c4d.toml", "report.html", "run.json", "scene.c4d"], "run folder");
     success(&mut c4d(["export", path(&run), "--to", "ply-seq", "--frames", "3", "-o", path(&out)]));
     let exported = frames(&out);
@@ -70,7 +70,7 @@ fn edit_is_propagated_and_exported() {
 }
 
 #[test]
-fn shuffled_but_unedited_moves_exactly_like_the_source() {
+fn shuffled_unedited_splats_move_exactly_like_the_source() {
     let folder = tempfile::tempdir().unwrap();
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let source = fixture("synth/source");

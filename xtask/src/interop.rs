@@ -169,7 +169,7 @@ impl RoundTrips {
         let off = difference(truth, &read);
         let turned = Difference::of_half_turn(truth, &read);
         let text = if turned.position < 0.01 * off.position {
-            format!("half a turn about x off; else {}", turned.text())
+            format!("rotated by 180° about x; otherwise {}", turned.text())
         } else {
             off.text()
         };

@@ -61,7 +61,7 @@ pub(crate) fn open(
 pub fn open_cameras(path: &Path, trained: bool) -> Outcome<CameraSet> {
     if !path.exists() {
         return Err(Failure::bad_input(format!("{} does not exist", path.display()))
-            .next("Give a data set, a cameras.json, or a model folder."));
+            .next("Specify a data set, a cameras.json, or a model folder."));
     }
     let reading = if trained { Reading::Trained } else { Reading::Stored };
     cameras::open(path, reading).map_err(|error| scene::bad_input(&error))

@@ -76,7 +76,7 @@ impl Timing<'_> {
             "{} frames in {secs:.3} s are {fps:.0} per second, players accept at most {MAX_FPS}",
             times.len()
         ))
-        .next("Give fewer frames, a longer --duration, or --fps."))
+        .next("Use fewer frames, a longer --duration, or --fps."))
     }
 }
 

@@ -25,7 +25,7 @@ def test_plans_equal_those_of_pot(reg, reg_m):
     np.testing.assert_allclose(ours.row_mass, theirs.sum(1), rtol=1e-6)
     assert abs(ours.transport_cost - (cost * theirs).sum()) < 1e-8
     other = uot.solve(a, b, cost, reg=1.2 * reg, reg_m=reg_m)
-    assert abs(other.plan - theirs).max() > 1e-6, "another weight, another plan"
+    assert abs(other.plan - theirs).max() > 1e-6, "a different weight gives a different plan"
 
 
 def test_infinite_weights_give_balanced_transport():

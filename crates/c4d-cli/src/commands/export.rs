@@ -98,7 +98,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     };
     let mut losses = written.map_err(|error| output_failure(&error))?;
     losses.push(
-        "the format stores no frame rate (players assume 24 to 30); the manifest beside it does",
+        "the format stores no frame rate (players assume 24 to 30); the manifest next to it does",
     );
     let elapsed = progress.finish();
     manifest.write(&manifest::Content {

@@ -182,16 +182,16 @@ fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Spla
     let (time, all) = (args.time, splats.len());
     if !args.visible {
         console.note(format!(
-            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of a region changes them too; --visible leaves them out"
+            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of a region changes them too; --visible omits them"
         ));
         return Ok(splats);
     }
     if seen.is_empty() {
         return Err(Failure::usage(format!("--visible: no splat is visible at time {time}"))
-            .next("Choose another --time, or leave out --visible."));
+            .next("Choose a different --time, or omit --visible."));
     }
     console.note(format!(
-        "--visible: {hidden} of {all} splats are invisible at time {time} and left out; c4d propagate keeps them in the result"
+        "--visible: {hidden} of {all} splats are invisible at time {time} and omitted; c4d propagate keeps them in the result"
     ));
     Ok(splats.select(&seen))
 }

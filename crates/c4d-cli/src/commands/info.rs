@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 }
 
 /// Supported inputs.
-const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv, .splat4d, .4dgs and .tsog clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth next to point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv, .splat4d, .4dgs and .tsog clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
 /// Next step for a PLY that is not a Gaussian scene.
 const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or \
@@ -103,7 +103,7 @@ fn within(path: &Path) -> Option<String> {
     let kind = gs_io::detect(folder).ok()?;
     Some(match kind {
         SceneKind::Cameras(_) => format!(
-            "Beside it are cameras ({kind}): c4d info {} shows the folder.",
+            "Cameras ({kind}) are next to it: c4d info {} shows the folder.",
             folder.display()
         ),
         _ => format!("It is part of a {kind}: c4d info {}.", folder.display()),
@@ -207,7 +207,8 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     let mean = median(|row| row.means.into_iter().fold(0.0, f32::max));
     let size = median(|row| row.log_scales.into_iter().fold(0.0, f32::max));
     let angle = median(|row| row.rotation_rad).to_degrees();
-    let places = if mean > 0.0 { format!("within {mean:.1e} units") } else { "exact".to_owned() };
+    let positions =
+        if mean > 0.0 { format!("within {mean:.1e} units") } else { "exact".to_owned() };
     let sizes = if size > 0.0 {
         format!("within {:.1} %", 100.0 * size.exp_m1())
     } else {
@@ -217,7 +218,7 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     let opacity = steps(|row| row.opacity);
     let color = steps(|row| C0 * row.sh_dc.into_iter().fold(0.0, f32::max));
     format!(
-        "median: positions {places}, sizes {sizes}, rotations within {angle:.1}°, opacities within {opacity} and base colours within {color} of 255 steps"
+        "median: positions {positions}, sizes {sizes}, rotations within {angle:.1}°, opacities within {opacity} and base colours within {color} of 255 steps"
     )
 }
 
@@ -313,7 +314,7 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> InfoReport {
             "Each file is a separate frame: SOG sorts the splats of every frame separately, so \
             rows do not persist. Export the sequence as PLY."
         } else {
-            "Run c4d info on one of these paths for details, and give that path to other commands."
+            "Run c4d info on one of these paths for details, and use that path in other commands."
         }),
     );
     report

@@ -45,14 +45,14 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         return Err(Failure::usage(
             "--side-by-side compares a run with its source; this scene is not a run",
         )
-        .next("Give the run folder that c4d propagate wrote."));
+        .next("Specify the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
     clip_file::check_format(format)?;
     let playing = clip_file::plays(format);
     if args.part.is_some() && (playing || format == Format::Sheet) {
         return Err(Failure::usage("--part writes a folder of images, not one file")
-            .next("Give -o FOLDER without --format; c4d gather joins the folders of all parts into a video or sheet."));
+            .next("Use -o FOLDER without --format; c4d gather joins the folders of all parts into a video or sheet."));
     }
     if !playing && args.part.is_none() && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     };
     let layers = layers(&args.passes, &opened, console)?;
     for (_, layer) in &layers {
-        say_legend(&layer.overlay, console);
+        note_legend(&layer.overlay, console);
     }
     let unrefined = match args.side_by_side {
         Some(LeftHalf::Unrefined) => Some(unrefined(&args.scene, global, console)?),
@@ -153,7 +153,7 @@ fn work(
 }
 
 /// Prints the meaning of an overlay's colours.
-fn say_legend(overlay: &Overlay, console: &Console) {
+fn note_legend(overlay: &Overlay, console: &Console) {
     let color = |entry: u8| {
         let [r, g, b] = overlay.palette[usize::from(entry)];
         format!("#{r:02x}{g:02x}{b:02x}")
@@ -193,7 +193,7 @@ pub(super) fn format_of(output: &Path) -> Outcome<Format> {
             "{}: a {name} file contains one image, but there are several to write",
             output.display()
         ))
-        .next(format!("Give a folder: --format {name} -o FOLDER."))),
+        .next(format!("Use a folder: --format {name} -o FOLDER."))),
         Some(name) if name.len() < 5 && !name.bytes().any(|byte| byte.is_ascii_digit()) => {
             Err(Failure::usage(format!("unsupported format `{name}`; expected png, exr, npy, flo, mp4, webp, gif or sheet"))
                 .next("Videos are .mp4, .webp or .gif. Images go into a folder (use --format png for a folder with a dot in its name)."))

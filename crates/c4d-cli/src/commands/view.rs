@@ -68,7 +68,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     let page = page(&scenes, fps, args)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port)).map_err(|error| {
         Failure::failed(format!("cannot listen on 127.0.0.1:{}: {error}", args.port))
-            .next("Leave out --port to use a free one.")
+            .next("Omit --port to use a free one.")
     })?;
     let port = listener.local_addr().map_err(Failure::failed)?.port();
     let token = Token::random()?;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     };
     SERVING.store(true, Ordering::Relaxed);
     console.result(&address);
-    console.note("Ctrl-C ends it");
+    console.note("press Ctrl-C to stop");
     if browser::is_remote() {
         console.note(format!(
             "from your machine: ssh -L {port}:127.0.0.1:{port} HOST, then open the same address"
@@ -155,7 +155,7 @@ fn check_overlays(args: &ViewArgs, scenes: &[LoadedScene]) -> Outcome {
             "the overlay `{}` compares a run with its source; no SCENE is a run",
             kind.name()
         ))
-        .next("Give a run folder that c4d propagate wrote, or choose parts or motion.")),
+        .next("Specify a run folder that c4d propagate wrote, or choose parts or motion.")),
         None => Ok(()),
     }
 }

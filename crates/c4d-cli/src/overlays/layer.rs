@@ -110,7 +110,7 @@ impl<'a> LayerSource<'a> {
                 kind.name(),
                 self.opened.path.display()
             ))
-            .next("Give the run folder that c4d propagate wrote, or choose parts or motion.")
+            .next("Specify the run folder that c4d propagate wrote, or choose parts or motion.")
         })
     }
 

@@ -2,7 +2,7 @@
 
 mod bad_input;
 #[cfg(test)]
-mod hostile;
+mod damaged_runs;
 mod loaded_scene;
 mod open;
 mod run;

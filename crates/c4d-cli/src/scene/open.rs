@@ -63,11 +63,11 @@ fn open_within(
             gs_io::ply::read_file(&gs_io::frame::file_of(path))
                 .map_err(|error| bad_input(&error))?;
             Err(Failure::bad_input(format!(
-                "{} is a {kind}: none of its saves has a deformation",
+                "{} is a {kind}: none of its iterations has a deformation",
                 path.display()
             ))
             .next(format!(
-                "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, copy the folder deform beside point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
+                "If it is a 4DGaussians model, put deformation.pth next to its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, put the folder deform next to point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
                 path.display()
             )))
         }
@@ -76,13 +76,13 @@ fn open_within(
             path.display()
         ))
         .next(format!(
-            "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
+            "Use the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
         ))),
         SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
             "{} contains cameras ({format}) but no splats",
             path.display()
         ))
-        .next("Give the model trained on it as SCENE, and this path with --cameras.")),
+        .next("Pass the model trained on it as SCENE, and this path with --cameras.")),
         kind => {
             let next = match (suggestion::for_path(path, Needed::Scene), &kind) {
                 (Some(next), _) => next,
@@ -129,7 +129,7 @@ pub(crate) fn open_with(
             if has_training_flags && path.is_file() && concerns_flags(&error) =>
         {
             bad_input(&error).next(
-                "Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them.",
+                "Specify flags as --set FLAG=VALUE, repeated for several; c4d --help lists them.",
             )
         }
         _ => bad_input(&error),
@@ -217,7 +217,7 @@ fn open_edited(
         count(RowKind::Static),
         match count(RowKind::Descendant) {
             0 => String::new(),
-            descendants => format!(", {descendants} reached by descent"),
+            descendants => format!(", {descendants} inherited"),
         }
     );
     let refined = stored.refined.as_ref().map_or("no".to_owned(), |refined| {

@@ -327,7 +327,7 @@ fn next_steps_name_suitable_paths() {
     fs::write(folder.join("readme.txt"), "hello").unwrap();
     fs::write(folder.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
     let stderr = refused("freeze", &folder, &output);
-    assert!(stderr.contains("walk.splatv") && stderr.contains("give that"), "{stderr}");
+    assert!(stderr.contains("walk.splatv") && stderr.contains("use that"), "{stderr}");
     // A plain 3DGS model.
     let model = bench.at("model");
     let save = model.join("point_cloud/iteration_30000");
@@ -348,7 +348,7 @@ fn next_steps_name_suitable_paths() {
     let edits = bench.at("edits");
     fs::create_dir(&edits).unwrap();
     fs::copy(fixture("synth/edited.ply"), edits.join("hat.ply")).unwrap();
-    bench.refuse(&edits, 3, &["hat.ply", "give that"]);
+    bench.refuse(&edits, 3, &["hat.ply", "use that"]);
     bench.refuse(&fixture("deform4dgs/dnerf_like/model"), 3, &["canonical", "c4d freeze"]);
     // Placeholders of files, and files of other formats.
     let pointer = bench.at("edited.ply");
@@ -366,7 +366,7 @@ fn next_steps_name_suitable_paths() {
 }
 
 #[test]
-fn series_are_named() {
+fn several_series_in_a_folder_are_reported() {
     let bench = Bench::new();
     let folder = bench.at("frames");
     copy_folder(&fixture("synth/source"), &folder);

@@ -97,7 +97,7 @@ fn a_dry_run_counts_and_shows_changes_and_writes_nothing_else() {
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     };
     assert_eq!(count("unchanged"), total - 420, "{stdout}");
-    assert_eq!((count("recoloured"), count("new"), count("gone")), (300, 50, 120), "{stdout}");
+    assert_eq!((count("recoloured"), count("new"), count("removed")), (300, 50, 120), "{stdout}");
     let picture = folder.path().join("run.preview.png");
     assert!(
         stdout.trim_end().ends_with(path(&picture)),

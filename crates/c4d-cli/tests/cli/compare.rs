@@ -100,14 +100,14 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
     }
 
     let (address, requests) = proxy();
-    let shot = |percent: u32| {
+    let screenshot_at = |percent: u32| {
         let name = format!("{percent}.png");
         screenshot(&page, percent, &address, &folder.path().join(name))
     };
-    let (all_after, all_before) = (shot(0), shot(100));
+    let (all_after, all_before) = (screenshot_at(0), screenshot_at(100));
     let differing = all_after.pixels().zip(all_before.pixels()).filter(|(a, b)| a != b).count();
     assert!(differing > 500, "the divider reveals the other pictures: {differing} pixels");
-    let again = shot(0);
+    let again = screenshot_at(0);
     assert_eq!(again, all_after, "and nothing else changes");
     assert_eq!(requests.load(Ordering::SeqCst), 0, "no request");
 
@@ -121,7 +121,7 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
         let changed = folder.path().join("changed.html");
         std::fs::write(&changed, text).unwrap();
         screenshot(&changed, 50, &address, &folder.path().join("changed.png"));
-        assert_eq!(requests.load(Ordering::SeqCst) > 0, expected, "the policy decides");
+        assert_eq!(requests.load(Ordering::SeqCst) > 0, expected, "as the policy allows");
     }
 }
 

@@ -76,8 +76,8 @@ fn the_default_and_baselines_are_repeated() {
     for (name, flags) in [
         ("best", &["--time", "0", "--seed", "3"][..]),
         ("knn", &["--baseline", "knn"]),
-        ("all", &["--motion", "amg-all"]),
-        ("known", &["--preset", "paper", "--motion", "amg"]),
+        ("all", &["--motion", "all"]),
+        ("known", &["--preset", "paper", "--motion", "edited"]),
     ] {
         let (one, two) = (folder.path().join(name), folder.path().join(format!("{name}-again")));
         let flags: Vec<&str> = flags.iter().copied().chain(["--no-refine"]).collect();

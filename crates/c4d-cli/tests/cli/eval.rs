@@ -11,7 +11,7 @@ fn value(document: &Value, id: &str) -> Value {
 }
 
 #[test]
-fn a_run_is_measured_alike_on_any_number_of_threads() {
+fn metrics_are_the_same_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let run = synth_run(folder.path());
     let mut files = Vec::new();

@@ -141,7 +141,7 @@ fn a_manifest_is_written_next_to_a_sequence() {
         let output = folder.path().join(name);
         let manifest = folder.path().join(format!("{name}.manifest.json"));
         let (_, stderr) = success(&mut c4d(export(to, &output, &times)));
-        assert!(stderr.contains("the manifest beside it"), "{stderr}");
+        assert!(stderr.contains("the manifest next to it"), "{stderr}");
         let read = || -> serde_json::Value {
             serde_json::from_slice(&fs::read(&manifest).unwrap()).unwrap()
         };

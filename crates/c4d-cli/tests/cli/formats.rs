@@ -47,7 +47,7 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
         let edited = at(file);
         let (_, stderr) =
             success(&mut c4d(["export", path(&source), "--to", format, "-o", path(&edited)]));
-        assert!(stderr.contains("not kept: "), "{format} says what it loses: {stderr}");
+        assert!(stderr.contains("not kept: "), "{format} lists its losses: {stderr}");
         let stderr = propagate(&source, &edited, &at("run"));
         let expected = format!("{} unchanged (exact), 0 recoloured", original[0].len());
         assert!(stderr.contains(&expected), "{format}: {stderr}");
@@ -118,7 +118,7 @@ fn one_frame_as_ply_is_exact() {
     assert!(read.has_normals, "as required by older readers");
     let again = ["export", path(&source), "--time", "1", "--no-normals", "-w", "-o", path(&file)];
     success(&mut c4d(again));
-    assert!(!ply::read_file(&file).unwrap().has_normals, "unless asked");
+    assert!(!ply::read_file(&file).unwrap().has_normals, "unless requested");
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn lifetimes_determine_the_default_and_runs_record_it() {
     assert!(setup.toml("run").contains("follow = \"surface\""), "{}", setup.toml("run"));
     let report = std::fs::read_to_string(setup.at("run").join("run.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    assert!(report["descent"]["recoloured"].as_u64().unwrap() > 50, "{report}");
+    assert!(report["inheritance"]["recoloured"].as_u64().unwrap() > 50, "{report}");
     let (shown, _) = success(&mut c4d(["info", text(&setup.at("run"))]));
     assert!(shown.contains("follow surface") && shown.contains("reached by descent"), "{shown}");
     let late = &setup.frames("run")[3];
@@ -125,7 +125,7 @@ fn lifetimes_determine_the_default_and_runs_record_it() {
 }
 
 #[test]
-fn runs_on_surfaces_are_refined_and_shown_as_others() {
+fn runs_that_follow_surfaces_are_refined_and_displayed() {
     let setup = Setup::new(BriefCase::Hat);
     let refine = ["--samples", "6", "--refine-frames", "3", "--refine-size", "96x72"];
     let stderr = setup.propagate("run", &refine);
@@ -221,8 +221,8 @@ fn scenes_of_permanent_splats_follow_splats() {
             text(&out),
         ];
         let stderr = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())).1;
-        assert!(!stderr.contains("descent"), "{stderr}");
+        assert!(!stderr.contains("inherit"), "{stderr}");
         std::fs::read(out.join("scene.c4d")).unwrap()
     };
-    assert!(run("usual", &[]) == run("explicit", &["--follow", "splats"]), "bit for bit");
+    assert!(run("default", &[]) == run("explicit", &["--follow", "splats"]), "bit for bit");
 }

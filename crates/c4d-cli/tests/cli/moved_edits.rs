@@ -1,4 +1,4 @@
-//! Edits that were moved, belong to another time, or are incomplete:
+//! Edits that were moved, belong to a different time, or are incomplete:
 //! messages, refusals, and the effect of the flags.
 
 use crate::support::{c4d, failure, fixture, success};
@@ -214,7 +214,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
         stderr.contains("are removed at all times") && stderr.contains("--keep-rest"),
         "{stderr}"
     );
-    assert_eq!(setup.frames("only")[1].len(), rows.len(), "as asked");
+    assert_eq!(setup.frames("only")[1].len(), rows.len(), "only the selection");
 
     let (_, stderr) = success(&mut setup.propagate(&edited, "all", &["--keep-rest"]));
     let rest = frames[0].len() - rows.len();
@@ -244,7 +244,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     let (found, order) = (&setup.frames("aligned")[1], [&rows[..], &others[..]].concat());
     assert_eq!(*found, frames[1].select(&order), "the original scene, bit for bit");
 
-    // For an edit of another scene there is nothing to add.
+    // For an edit of a different scene there is nothing to add.
     let mut other = frames[0].clone();
     for (i, (scale, dc)) in (0_u16..).zip(other.log_scales.iter_mut().zip(&mut other.sh)) {
         let odd = f32::from(i * 37 % 101) / 101.0 + 0.01;
@@ -259,7 +259,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
 }
 
 #[test]
-fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
+fn matched_splats_take_precedence_over_bounds_and_unmatched_edits_are_refused() {
     let (setup, frames) = (Setup::new(), originals());
     let mut dome = frames[0].clone();
     for i in 0..frames[0].len() {
@@ -337,9 +337,9 @@ fn invisible_splats_are_counted_omitted_and_kept() {
     let (_, stderr) = freeze("whole", &[]);
     assert!(stderr.contains(&count) && stderr.contains("--visible"), "{stderr}");
     let (file, stderr) = freeze("visible", &["--visible"]);
-    assert!(stderr.contains(&count) && stderr.contains("left out"), "{stderr}");
+    assert!(stderr.contains(&count) && stderr.contains("omitted"), "{stderr}");
     let visible = ply::read_file(&file).unwrap().splats;
-    assert_eq!(visible.len(), frames[0].len() - hidden.len(), "left out");
+    assert_eq!(visible.len(), frames[0].len() - hidden.len(), "omitted");
 
     // An editor rewrites the file and deletes a tenth of the splats.
     let kept: Vec<usize> = (0..visible.len()).filter(|i| i % 10 != 0).collect();

@@ -35,7 +35,7 @@ fn passes_show_parts_motion_confidence_and_changes() {
         .map(|name| colors(&out.join(name).join("00000.png")));
     for (i, image) in images.iter().enumerate() {
         assert!(image.len() > 20, "colours of several classes, mixed");
-        assert!(images[..i].iter().all(|other| other != image), "each pass is another image");
+        assert!(images[..i].iter().all(|other| other != image), "each pass is a different image");
     }
 
     // Values in formats that store them.

@@ -55,7 +55,7 @@ fn psnr(a: &[u8], b: &[u8]) -> f64 {
 }
 
 #[test]
-fn rigs_render_any_size_and_position_alike() {
+fn rigs_render_the_same_image_for_any_size_and_position() {
     let folder = tempfile::tempdir().unwrap();
     let here = placed(folder.path(), 1.0, [0.0; 3]);
     for cameras in ["front", "orbit"] {

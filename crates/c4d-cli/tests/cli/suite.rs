@@ -44,7 +44,7 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     assert!(!out.join("table.md").exists(), "a part makes no table");
     success(command().args(["--part", "2/2"]));
     let (table, stderr) = success(&mut command());
-    assert!(stderr.contains("0 runs made, 2 kept, 0 failed"), "{stderr}");
+    assert!(stderr.contains("0 runs computed, 2 reused, 0 failed"), "{stderr}");
     for part in ["## figure: all", "| metric | default | knn |", "| `bg_psnr` ↑ |", "`drift`"] {
         assert!(table.contains(part), "{part} in {table}");
     }
@@ -55,7 +55,7 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     std::fs::remove_dir_all(out.join("figure/all/knn")).unwrap();
     let before = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     let (again, stderr) = success(&mut command());
-    assert!(stderr.contains("1 runs made, 1 kept"), "{stderr}");
+    assert!(stderr.contains("1 runs computed, 1 reused"), "{stderr}");
     assert_eq!(again, table, "the same table");
     let after = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     assert!(before == after, "the completed run is not touched");
@@ -82,7 +82,7 @@ fn changed_inputs_and_failed_methods_are_reported() {
     std::fs::write(&changed, text.replace("\"2\"", "\"3\"")).unwrap();
     let stderr = failure(&mut command(), 2);
     assert!(
-        stderr.contains("was made from other inputs or flags") && stderr.contains("-w"),
+        stderr.contains("was computed from different inputs or flags") && stderr.contains("-w"),
         "{stderr}"
     );
     success(command().arg("-w"));

@@ -64,7 +64,7 @@ impl Record {
         let bytes = read_bytes(path)?;
         let bad = |what: String| {
             Failure::bad_input(format!("--replay {}: {what}", path.display()))
-                .next("Give the NAME.edit.json that c4d edit wrote beside NAME.ply.")
+                .next("Specify the NAME.edit.json that c4d edit wrote next to NAME.ply.")
         };
         let record: Self = serde_json::from_slice(&bytes)
             .map_err(|error| bad(format!("not a record of c4d edit: {error}")))?;

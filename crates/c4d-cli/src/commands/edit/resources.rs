@@ -62,7 +62,7 @@ pub(super) fn load(
                 "--graft {name}: expected one frame of splats, found {kind}"
             ))
             .next(
-                "Give a frame in any format; c4d freeze SCENE -o FRAME writes one from a scene.",
+                "Use a frame in any format; c4d freeze SCENE -o FRAME writes one from a scene.",
             ));
         }
         let opened = still::open(&path, None, global, console)?;
@@ -129,7 +129,7 @@ fn motion(input: Input<'_>, console: &Console) -> Outcome<Motion> {
             "`moving` and `part` need a dynamic scene; {} is a single frame",
             opened.path.display()
         ))
-        .next("Give the dynamic scene instead of the frame; --time selects the frame to edit."));
+        .next("Use the dynamic scene instead of the frame; --time selects the frame to edit."));
     }
     let found = rigid_parts(opened.scene.as_ref(), time, console)?;
     Ok(Motion { moving: found.moving, parts: found.parts })
@@ -207,7 +207,7 @@ fn read_masks(
                 path.display(),
                 file.display()
             ))
-            .next(format!("Give masks the names of the cameras: {}, …", names.join(", ")))
+            .next(format!("Name the masks after the cameras: {}, …", names.join(", ")))
         })?;
         let mask = read_mask(path)?;
         views.push((camera_of_size(camera, &mask, path)?, mask));

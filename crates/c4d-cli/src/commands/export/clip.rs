@@ -148,7 +148,7 @@ fn failure(to: ExportFormat, error: &IoError) -> Failure {
             "Choose times close together, for example --times 0,0.01,0.02. --tolerance SHARE allows larger errors, --force any error; --to splat4d keeps any motion.",
         ),
         IoError::Unfit { .. } => {
-            Failure::usage(error).next("Give --frames N with a smaller N, --sh-degree 0, or --force.")
+            Failure::usage(error).next("Use --frames N with a smaller N, --sh-degree 0, or --force.")
         }
         _ => output_failure(error),
     }

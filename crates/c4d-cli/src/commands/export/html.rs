@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(
             title(Path::new("some/where/flame_steak-edit.html")),
             "Flame steak edit",
-            "words"
+            "separate words, capitalised"
         );
         assert_eq!(
             title(Path::new("ünter.html")),

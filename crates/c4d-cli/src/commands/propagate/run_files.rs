@@ -1,7 +1,7 @@
 //! The files of a run folder, as `c4d propagate` writes them.
 
 use super::messages;
-use crate::args::{FollowArg, Global, MotionArg};
+use crate::args::{FollowArg, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::report::{RunReport, run_report};
@@ -93,7 +93,7 @@ impl Finished<'_> {
             axes: args.axes.and_then(|axes| Some(axes.to_possible_value()?.get_name().to_owned())),
             preset: format!("{:?}", args.preset).to_lowercase(),
             baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
-            motion: if args.motion == MotionArg::Amg { "amg" } else { "amg-all" }.to_owned(),
+            motion: args.motion.name().to_owned(),
             follow: self.follow.name().to_owned(),
             seed: args.seed,
             iteration: global.iteration,

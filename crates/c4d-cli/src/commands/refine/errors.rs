@@ -55,7 +55,7 @@ pub(crate) fn check(
         memory::require(
             &format!("--memory {requested}"),
             (requested as u64).saturating_mul(memory::MIB),
-            "Give a smaller value: images that do not fit are rendered again, or fewer are used.",
+            "Use a smaller value: images that do not fit are rendered again, or fewer are used.",
         )?;
     }
     if let Some(path) = &flags.refine_cameras {
@@ -78,9 +78,7 @@ pub(super) fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> 
             run.join(REFINE_STATE).display(),
             chain(&error)
         ))
-        .next(
-            "The run or its source has changed: leave out --resume, and the refinement starts again.",
-        ),
+        .next("The run or its source has changed: omit --resume to start the refinement again."),
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     }
 }

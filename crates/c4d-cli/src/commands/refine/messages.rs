@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Advice if no colour changed.
-pub(super) const OTHER_VIEWS: &str = "; other views are given with --refine-cameras, more times with --refine-frames, and --preset paper has no \
+pub(super) const OTHER_VIEWS: &str = "; --refine-cameras sets other views, --refine-frames more times, and --preset paper has no \
      threshold";
 
 /// One sentence: what was repaired, what was not, and why.

@@ -46,7 +46,7 @@ impl RenderJob<'_> {
         memory::require(
             &format!("an image of {largest} pixels"),
             largest * BYTES_PER_PIXEL,
-            "Give a smaller --size.",
+            "Use a smaller --size.",
         )?;
         let (mut empty, mut count) = (0, 0);
         self.expose(|exposure| {

@@ -114,7 +114,7 @@ fn of_files(
     let path = Path::new(named);
     if !path.exists() {
         return Err(Failure::bad_input(format!("--cameras {named}: no such file or folder"))
-            .next("Give a data set, a cameras.json, or one of: front, orbit, spiral."));
+            .next("Specify a data set, a cameras.json, or one of: front, orbit, spiral."));
     }
     let set = cameras::open(path, args.cameras_as, opened, console)?;
     let mut chosen = if args.views.is_empty() {

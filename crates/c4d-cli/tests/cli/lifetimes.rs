@@ -100,7 +100,7 @@ fn lifetimes_determine_the_default_and_runs_record_it() {
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert!(report["inheritance"]["recoloured"].as_u64().unwrap() > 50, "{report}");
     let (shown, _) = success(&mut c4d(["info", text(&setup.at("run"))]));
-    assert!(shown.contains("follow surface") && shown.contains("reached by descent"), "{shown}");
+    assert!(shown.contains("follow surface") && shown.contains(" inherited"), "{shown}");
     let late = &setup.frames("run")[3];
     let share = still_old(&setup.scene, late, 0.75);
     assert!(share < 0.1, "{share}");

@@ -209,7 +209,7 @@ fn the_page_describes_and_selects_splats_and_saves_cameras() {
     let (document, _) = server.browse(&format!("{start}&inspect=.5,.5&save"), folder.path());
     let title = text_of(&document, "id=\"inspector-title\"");
     assert!(title.contains("of the edit"), "what it is: {title}");
-    assert!(document.contains("<dt>Motion</dt>") && document.contains("<dt>Why</dt>"), "why");
+    assert!(document.contains("<dt>Motion</dt>") && document.contains("<dt>Reason</dt>"), "reason");
     server.browse(&format!("{start}&turn=20&save"), folder.path());
     let saved = folder.path().join("view_cameras.json");
     let cameras: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();

@@ -52,7 +52,7 @@ fn table(units: &[Unit]) -> String {
     let end = units.iter().map(|unit| unit.start + unit.duration).fold(0.0, f64::max);
     let total: f64 = units.iter().map(|unit| unit.duration).sum();
     writeln!(out, "| {} others | {rest:.0} |", rows.len() - small).expect("strings can be written");
-    writeln!(out, "| all, {end:.0} s on the clock | {total:.0} |").expect("strings can be written");
+    writeln!(out, "| all, {end:.0} s wall time | {total:.0} |").expect("strings can be written");
     out
 }
 
@@ -74,7 +74,7 @@ mod tests {
             "| `slow` 0.1.0 | 9 |",
             "| `c` 2.0.0 | 4 |",
             "| 1 others | 1 |",
-            "| all, 10 s on the clock | 14 |",
+            "| all, 10 s wall time | 14 |",
         ];
         assert_eq!(rows, expected, "all");
         assert!(units("<html></html>").is_err(), "not a report");

@@ -7,7 +7,7 @@
 mod compare;
 mod fourdgs;
 mod peers;
-mod trip;
+mod round_trips;
 
 use crate::workspace::workspace;
 use anyhow::{Context, Result, bail};
@@ -17,10 +17,10 @@ use gs_io::ply::WriteOptions;
 use gs_io::ply_sequence::FolderWriter;
 use gs_io::{Existing, frame};
 use peers::{Peer, python};
+use round_trips::RoundTrips;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trip::Trip;
 
 /// Number of splats of the scene: enough to fill palettes and blocks of every format, few enough
 /// that the whole run takes minutes.
@@ -58,20 +58,20 @@ pub(crate) fn run(program: Option<PathBuf>) -> Result<()> {
         None => build(&root)?,
     };
     let peers = Peer::install_all(&folder)?;
-    let trip = Trip { c4d, frames: source(&files)?, files };
+    let round_trips = RoundTrips { c4d, frames: source(&files)?, files };
     let mut tables = Tables::default();
     for peer in &peers {
         for format in peer.writes() {
             eprintln!("{} → c4d: {format}", peer.name());
-            tables.read.push(trip.read(peer, format)?);
+            tables.read.push(round_trips.read(peer, format)?);
         }
         for (format, flags) in peer.reads() {
             eprintln!("c4d → {}: {format} {}", peer.name(), flags.join(" "));
-            tables.written.push(trip.written(peer, format, flags)?);
+            tables.written.push(round_trips.written(peer, format, flags)?);
         }
     }
-    let usd = trip.usd(&folder)?;
-    tables.clips = trip.fourdgs(&folder)?;
+    let usd = round_trips.usd(&folder)?;
+    tables.clips = round_trips.fourdgs(&folder)?;
     let text = document(&peers, &tables, &usd);
     let before = fs::read_to_string(root.join(DOCUMENT)).context(DOCUMENT)?;
     let by_hand = before.find(BY_HAND).map_or("", |start| &before[start..]);
@@ -122,7 +122,7 @@ fn source(files: &Path) -> Result<Vec<Splats>> {
     Ok(frames)
 }
 
-impl Trip {
+impl RoundTrips {
     /// The first frame, written by a peer and used as an edit without changes.
     fn read(&self, peer: &Peer, format: &str) -> Result<String> {
         self.c4d(&["export", "source", "--time", "0", "-w", "-o", "frame.ply"])?;
@@ -169,7 +169,7 @@ impl Trip {
         let off = difference(truth, &read);
         let turned = Difference::of_half_turn(truth, &read);
         let text = if turned.position < 0.01 * off.position {
-            format!("half a turn about x off; else {}", turned.text())
+            format!("rotated by 180° about x; otherwise {}", turned.text())
         } else {
             off.text()
         };

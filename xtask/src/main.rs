@@ -71,7 +71,7 @@ enum Task {
         /// Case, as in `c4d bench motion`
         #[arg(long, default_value = "clothing")]
         case: String,
-        /// Seed of everything random
+        /// Random seed
         #[arg(long, default_value_t = 0)]
         seed: u64,
         /// Source splats

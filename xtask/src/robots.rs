@@ -425,7 +425,7 @@ mod tests {
 
     /// Negative control of the score: splats that do not move have a large error.
     #[test]
-    fn edits_are_made_of_kept_and_new_splats_and_standing_still_is_wrong() -> Result<()> {
+    fn edits_contain_kept_and_new_splats_and_zero_motion_is_wrong() -> Result<()> {
         let robot = Robot::new(2, 600);
         assert_eq!(robot.edited.len(), robot.link_of.len(), "a link for every row");
         assert!(robot.link_of.iter().any(Option::is_some), "something was edited");

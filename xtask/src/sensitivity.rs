@@ -148,9 +148,9 @@ fn effect(changed: &[Vec<f64>], reference: &[Vec<f64>]) -> Effect {
         })
         .collect();
     let mean = of_seed.iter().sum::<f64>() / of_seed.len() as f64;
-    let least = of_seed.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = of_seed.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Effect { mean: mean.exp(), range: [least.exp(), most.exp()] }
+    let lowest = of_seed.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = of_seed.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Effect { mean: mean.exp(), range: [lowest.exp(), highest.exp()] }
 }
 
 #[expect(clippy::print_stdout, reason = "the table is what the command is run for")]
@@ -171,8 +171,8 @@ fn draw(path: &Path, rows: &[Row]) -> Result<(), Box<dyn std::error::Error>> {
     let area = SVGBackend::new(path, (900, 380)).into_drawing_area();
     area.fill(&WHITE)?;
     let all = || rows.iter().flat_map(|row| row.effects.iter().flatten()).flat_map(|e| e.range);
-    let least = all().fold(0.8, f64::min) / 1.05;
-    let most = all().fold(1.25, f64::max) * 1.05;
+    let lowest = all().fold(0.8, f64::min) / 1.05;
+    let highest = all().fold(1.25, f64::max) * 1.05;
     let bottom = rows.len() as f64;
     for (generator, panel) in area.split_evenly((1, GENERATORS.len())).iter().enumerate() {
         let title = format!("{}: factor on the error", GENERATORS[generator]);
@@ -181,7 +181,7 @@ fn draw(path: &Path, rows: &[Row]) -> Result<(), Box<dyn std::error::Error>> {
             .margin(10)
             .x_label_area_size(34)
             .y_label_area_size(110)
-            .build_cartesian_2d((least..most).log_scale(), bottom - 0.5..-0.5)?;
+            .build_cartesian_2d((lowest..highest).log_scale(), bottom - 0.5..-0.5)?;
         let name = |y: &f64| {
             let row = y.round() as usize;
             rows.get(row).map_or(String::new(), |row| row.name.to_owned())

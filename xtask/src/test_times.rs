@@ -139,7 +139,7 @@ test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; fini
 ";
 
     #[test]
-    fn a_log_gives_rows() {
+    fn rows_are_read_from_a_log() {
         let row = |tests: &str, passed, seconds| Row {
             krate: "gs-core".to_owned(),
             tests: tests.to_owned(),

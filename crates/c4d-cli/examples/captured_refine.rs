@@ -183,7 +183,7 @@ fn main() -> Outcome<()> {
             report.held_out_after
         );
         println!(
-            "  masked {:.1} % of the edited pixels (floor decides in {} of {} images); surface {:.1} %, splats {:.1} %",
+            "  masked {:.1} % of the edited pixels (threshold is the floor in {} of {} images); surface {:.1} %, splats {:.1} %",
             share(stats.masked, stats.live),
             report.num_floored,
             report.samples.len(),
@@ -201,9 +201,9 @@ fn main() -> Outcome<()> {
         if let (Some(folder), "default") = (&args.output, name) {
             std::fs::create_dir_all(folder)?;
             for &t in &eval {
-                let shots = [&before as &dyn DynamicScene, &after, &truth]
+                let targets = [&before as &dyn DynamicScene, &after, &truth]
                     .map(|scene| render(scene, t, &cameras[1]));
-                let [a, b, c] = shots;
+                let [a, b, c] = targets;
                 write(&folder.join(format!("t{t:.2}.png")), &[a?, b?, c?])?;
             }
         }
@@ -307,7 +307,7 @@ fn render(scene: &dyn DynamicScene, t: f32, camera: &Camera) -> Outcome<Image> {
 struct Exam<'a> {
     cameras: &'a [Camera],
     /// View, time, truth, mask.
-    shots: Vec<(usize, f32, Image, Image)>,
+    targets: Vec<(usize, f32, Image, Image)>,
 }
 
 impl<'a> Exam<'a> {
@@ -321,30 +321,30 @@ impl<'a> Exam<'a> {
         let raster = CpuRasterizer::default();
         let usual = RefineOptions::default();
         let then = before.at(before.time_range().start)?;
-        let mut shots = Vec::new();
+        let mut targets = Vec::new();
         for &t in times {
             let now = before.at(t)?;
             for &view in views {
                 let map = cuar::render_uncertainty(&raster, &now, &then, &cameras[view])?;
                 let mask = cuar::artifact_mask(&map, usual.epsilon, usual.min_uncertainty);
-                shots.push((view, t, render(truth, t, &cameras[view])?, mask));
+                targets.push((view, t, render(truth, t, &cameras[view])?, mask));
             }
         }
-        Ok(Self { cameras, shots })
+        Ok(Self { cameras, targets })
     }
 
     fn share(&self) -> f32 {
         let each = self
-            .shots
+            .targets
             .iter()
-            .map(|shot| shot.3.data.iter().sum::<f32>() / shot.3.data.len() as f32);
-        each.sum::<f32>() / self.shots.len() as f32
+            .map(|target| target.3.data.iter().sum::<f32>() / target.3.data.len() as f32);
+        each.sum::<f32>() / self.targets.len() as f32
     }
 
     /// PSNR inside and outside the mask, over all values of all images.
     fn psnr(&self, scene: &dyn DynamicScene) -> Outcome<[f64; 2]> {
         let mut sums = [[0.0_f64; 2]; 2];
-        for (view, t, truth, mask) in &self.shots {
+        for (view, t, truth, mask) in &self.targets {
             let ours = render(scene, *t, &self.cameras[*view])?;
             for (p, &m) in mask.data.iter().enumerate() {
                 let sum = &mut sums[usize::from(m <= 0.0)];

@@ -21,5 +21,5 @@ for (const picture of document.querySelectorAll(".wipe")) {
   picture.addEventListener("pointermove", follow);
 }
 // `page.html#25` opens with the divider at a quarter.
-const asked = Number.parseFloat(location.hash.slice(1));
-if (Number.isFinite(asked)) wipeTo(asked);
+const requested = Number.parseFloat(location.hash.slice(1));
+if (Number.isFinite(requested)) wipeTo(requested);

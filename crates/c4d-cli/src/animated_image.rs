@@ -80,7 +80,7 @@ impl<W: Write> GifWriter<W> {
                 Failure::usage(format!(
                     "a GIF of {width}×{height} pixels: sides are limited to 65535"
                 ))
-                .next("Give another --size.")
+                .next("Use a different --size.")
             })
         };
         let mut encoder =
@@ -296,7 +296,7 @@ mod tests {
 
     #[test]
     #[cfg(feature = "webp")]
-    fn webp_reads_back_to_the_same_bytes() {
+    fn webp_round_trips_exactly() {
         let bytes = write(30.0, 7, false);
         let decoder = webp_animation::Decoder::new(&bytes).unwrap();
         for (f, found) in decoder.into_iter().enumerate() {
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn few_colours_are_exact_and_unchanged_frames_draw_nothing() {
+    fn few_colours_are_exact_and_unchanged_frames_are_not_drawn() {
         let flat = |level: u8| [level, 0, 90].repeat(WIDTH * HEIGHT);
         let mut writer = GifWriter::new(Vec::new(), Path::new("x"), WIDTH, HEIGHT, 200.0).unwrap();
         for level in [10, 10, 11, 200] {

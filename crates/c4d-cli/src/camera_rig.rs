@@ -253,10 +253,10 @@ impl CameraRig {
     /// the centre.
     fn swung(&self, phase: f64, size: (u32, u32)) -> Camera {
         const GOLDEN_ANGLE_RAD: f64 = 2.399_963;
-        let turn = GOLDEN_ANGLE_RAD * (phase * 997.0).round();
+        let angle = GOLDEN_ANGLE_RAD * (phase * 997.0).round();
         let reach = phase.sqrt();
-        let sideways = CAPTURED_DEG[0].to_radians() * reach * turn.sin();
-        let upwards = CAPTURED_DEG[1].to_radians() * reach * turn.cos();
+        let sideways = CAPTURED_DEG[0].to_radians() * reach * angle.sin();
+        let upwards = CAPTURED_DEG[1].to_radians() * reach * angle.cos();
         let back = rotated(-self.centre, self.up, sideways);
         let lift = self.centre.length() * upwards;
         let eye = self.centre + back + lift * self.up;
@@ -434,7 +434,7 @@ mod tests {
     }
 
     #[test]
-    fn a_still_figure_under_a_sky_dome_is_seen_from_inside() {
+    fn a_static_figure_under_a_sky_dome_is_seen_from_inside() {
         let params = gs_synth::DemoParams { num_splats: 8000, ..gs_synth::DemoParams::default() };
         let scene = gs_synth::demo(&params).unwrap();
         let still = gs_deform::StaticScene::new(scene.frame1().clone()).unwrap();
@@ -453,7 +453,7 @@ mod tests {
         let rig = CameraRig::around(&cloud([0.15, 0.1, 3.0]), [0.0, -1.0, 0.0]);
         assert_eq!(rig.layout, Layout::Forward, "fills the view from the origin");
         let camera = rig.front((64, 48));
-        assert!(camera.position().iter().all(|v| v.abs() < 1e-9), "stands at the origin");
+        assert!(camera.position().iter().all(|v| v.abs() < 1e-9), "is at the origin");
         assert_eq!(camera.viewmat[2][..3], [0.0, 0.0, 1.0], "direction snapped to +z");
         for camera in rig.orbit(8, (64, 48)).iter().chain(&rig.spiral(8, (64, 48))) {
             assert!(camera.to_camera([0.15, 0.1, 3.0])[2] > 2.0, "never behind the scene");

@@ -4,7 +4,7 @@ use crate::args::{CamerasAs, SplitArg};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::placement;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use gs_core::Camera;
 use gs_io::cameras::{self, CameraSet, Reading, Split};
 use std::path::Path;
@@ -13,11 +13,11 @@ use std::path::Path;
 const SHOWN: usize = 12;
 
 /// How the cameras of a scene's data set are read: as in its training, if that is known.
-fn reading(asked: Option<CamerasAs>, opened: &Opened) -> Reading {
+fn reading(requested: Option<CamerasAs>, opened: &LoadedScene) -> Reading {
     // The source of a run is among its roots.
-    let trained = asked.map_or_else(
+    let trained = requested.map_or_else(
         || opened.roots.iter().any(|root| is_model(root)),
-        |asked| asked == CamerasAs::Trained,
+        |requested| requested == CamerasAs::Trained,
     );
     if trained { Reading::Trained } else { Reading::Stored }
 }
@@ -31,11 +31,11 @@ fn is_model(root: &Path) -> bool {
 /// otherwise it is derived from the scene before the edit.
 pub(crate) fn open(
     path: &Path,
-    asked: Option<CamerasAs>,
-    opened: &Opened,
+    requested: Option<CamerasAs>,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<CameraSet> {
-    let reading = reading(asked, opened);
+    let reading = reading(requested, opened);
     let mut set = cameras::open(path, reading).map_err(|error| scene::bad_input(&error))?;
     if reading == Reading::Stored {
         let extent = placement::of_scene(opened)?;
@@ -61,17 +61,17 @@ pub(crate) fn open(
 pub fn open_cameras(path: &Path, trained: bool) -> Outcome<CameraSet> {
     if !path.exists() {
         return Err(Failure::bad_input(format!("{} does not exist", path.display()))
-            .next("Give a data set, a cameras.json, or a model folder."));
+            .next("Specify a data set, a cameras.json, or a model folder."));
     }
     let reading = if trained { Reading::Trained } else { Reading::Stored };
     cameras::open(path, reading).map_err(|error| scene::bad_input(&error))
 }
 
 /// The cameras of a split; by default the held-out ones, if the data set has any.
-pub(crate) fn of_split(set: &CameraSet, asked: Option<SplitArg>) -> Outcome<Vec<Camera>> {
+pub(crate) fn of_split(set: &CameraSet, requested: Option<SplitArg>) -> Outcome<Vec<Camera>> {
     let all = || set.views.iter().map(|view| view.camera.clone()).collect::<Vec<_>>();
     let of = |split| set.split(split).cloned().collect::<Vec<_>>();
-    let chosen = match asked {
+    let chosen = match requested {
         Some(SplitArg::All) => all(),
         Some(SplitArg::Train) => of(Split::Train),
         Some(SplitArg::Test) => of(Split::Test),

@@ -78,9 +78,9 @@ pub(crate) fn with_legend(image: &Image, entries: &[(Rgb, String)]) -> Image {
 
 /// Writes white text with its upper left corner at `at`, clipped to the image.
 fn write(image: &mut Image, text: &str, at: (usize, usize)) {
-    let place = |pixels: usize| i32::try_from(pixels).unwrap_or(i32::MAX);
+    let coordinate = |pixels: usize| i32::try_from(pixels).unwrap_or(i32::MAX);
     let style = MonoTextStyle::new(&FONT_9X18, Rgb888::WHITE);
-    let at = Point::new(place(at.0), place(at.1));
+    let at = Point::new(coordinate(at.0), coordinate(at.1));
     let drawn = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut Canvas(image));
     // Drawing on an image cannot fail.
     let Ok(_) = drawn;
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_and_swatches_are_drawn_beside_the_image() {
+    fn text_and_swatches_are_drawn_next_to_the_image() {
         let image = Image::from_data(80, 2, 3, vec![0.5; 480]).unwrap();
         let titled = titled(&image, "ab");
         assert_eq!((titled.width, titled.height), (80, 2 + LINE), "a line more");

@@ -5,12 +5,12 @@ use crate::commands::refine::RIG_SIZE;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::passes;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use cuar::BeforeEdit;
 
 /// ξ′ of a run's splats in the edited frame, from the views of a
 /// refinement without cameras; empty for other scenes.
-pub(crate) fn evidence(opened: &Opened, device: &Device) -> Outcome<Vec<f32>> {
+pub(crate) fn evidence(opened: &LoadedScene, device: &Device) -> Outcome<Vec<f32>> {
     let (Some(original), Some(source_rows), Some(params)) =
         (&opened.original, &opened.source_rows, &opened.mask.evidence)
     else {

@@ -10,7 +10,7 @@ pub enum Exit {
     Failed = 1,
     /// The command line is invalid or inconsistent.
     Usage = 2,
-    /// An input file is missing, malformed or of another kind.
+    /// An input file is missing, malformed or of a different kind.
     BadInput = 3,
     /// No usable GPU although one was requested.
     NoGpu = 4,

@@ -1,8 +1,8 @@
-//! Parts of the program that a build may leave out.
+//! Optional parts of the program.
 
 use crate::failure::Failure;
 
-/// Failure for a Cargo feature that this build lacks; `instead` says what works without it.
+/// Failure for a Cargo feature that this build lacks; `instead` states what works without it.
 pub(crate) fn missing(feature: &str, instead: &str) -> Failure {
     Failure::usage(format!("this c4d was built without the feature `{feature}`")).next(format!(
         "{instead}; builds with `--features {feature}`, a default feature, include it."

@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::rates;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::{DynamicScene, TimeRange};
 
 /// Default number of frames of a continuous scene.
@@ -64,7 +64,7 @@ impl Timing<'_> {
     }
 
     /// Frames per second at which `times` last as long as their part of the clip, or `--fps`.
-    pub(crate) fn fps(&self, opened: &Opened, times: &[f32]) -> Outcome<f64> {
+    pub(crate) fn fps(&self, opened: &LoadedScene, times: &[f32]) -> Outcome<f64> {
         let own = opened.fps.unwrap_or(DEFAULT_FPS);
         let stored = opened.scene.num_frames().unwrap_or(DEFAULT_FRAMES) as f64;
         let secs = self.duration.unwrap_or(stored / own);
@@ -76,7 +76,7 @@ impl Timing<'_> {
             "{} frames in {secs:.3} s are {fps:.0} per second, players accept at most {MAX_FPS}",
             times.len()
         ))
-        .next("Give fewer frames, a longer --duration, or --fps."))
+        .next("Use fewer frames, a longer --duration, or --fps."))
     }
 }
 

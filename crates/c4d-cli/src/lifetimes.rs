@@ -47,29 +47,29 @@ impl Lifetimes {
             let opacity = |row: usize| (255.0 * splats.opacity(row)) as u8;
             levels.push((0..n).map(opacity).collect::<Vec<u8>>());
         }
-        let asked = times.iter().position(|&t| t >= time).unwrap_or(SAMPLES - 1);
-        let (mut ever, mut lives) = (0_usize, Vec::new());
+        let requested = times.iter().position(|&t| t >= time).unwrap_or(SAMPLES - 1);
+        let (mut ever, mut lifetimes) = (0_usize, Vec::new());
         for row in 0..n {
             let peak = levels.iter().map(|levels| levels[row]).max().unwrap_or(0);
             if peak <= VISIBLE {
                 continue;
             }
             ever += 1;
-            let least = f32::from(VISIBLE).max(SHARE_OF_PEAK * f32::from(peak));
-            let is_visible = |levels: &&Vec<u8>| f32::from(levels[row]) > least;
-            if !is_visible(&&levels[asked]) {
+            let threshold = f32::from(VISIBLE).max(SHARE_OF_PEAK * f32::from(peak));
+            let is_visible = |levels: &&Vec<u8>| f32::from(levels[row]) > threshold;
+            if !is_visible(&&levels[requested]) {
                 continue;
             }
-            let after = levels[asked..].iter().take_while(is_visible).count();
-            let before = levels[..asked].iter().rev().take_while(is_visible).count();
-            lives.push(after + before - 1);
+            let after = levels[requested..].iter().take_while(is_visible).count();
+            let before = levels[..requested].iter().rev().take_while(is_visible).count();
+            lifetimes.push(after + before - 1);
         }
-        if lives.is_empty() {
+        if lifetimes.is_empty() {
             return Ok((ever > 0).then_some(Self { share: 0.0, median: 0.0, time }));
         }
-        lives.sort_unstable();
-        let median = lives[lives.len() / 2] as f64 / (SAMPLES - 1) as f64;
-        Ok(Some(Self { share: lives.len() as f64 / ever as f64, median, time }))
+        lifetimes.sort_unstable();
+        let median = lifetimes[lifetimes.len() / 2] as f64 / (SAMPLES - 1) as f64;
+        Ok(Some(Self { share: lifetimes.len() as f64 / ever as f64, median, time }))
     }
 
     /// Whether an edit at that time applies only to a part of the scene.
@@ -79,13 +79,13 @@ impl Lifetimes {
 
     /// Text for a report.
     pub(crate) fn describe(&self) -> String {
-        let lives = if self.median < WHOLE {
+        let lifetimes = if self.median < WHOLE {
             format!("half of these for at most {:.0} % of the clip", 100.0 * self.median)
         } else {
             "most of these during the whole clip".to_owned()
         };
         format!(
-            "{:.0} % of the splats that are ever visible are visible at time {}, {lives}",
+            "{:.0} % of the splats that are ever visible are visible at time {}, {lifetimes}",
             100.0 * self.share,
             self.time
         )
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn brief_and_lasting_splats_are_distinguished() {
+    fn short_lived_and_permanent_splats_are_distinguished() {
         let still = Polynomial {
             velocity: [[0.0; 3]; 3],
             omega: [0.0; 4],
@@ -120,12 +120,12 @@ mod tests {
         let motions = vec![still, brief(0.0), brief(0.5), brief(1.0)];
         let scene = PolynomialScene::new(rest(4), motions).unwrap();
         let found = Lifetimes::of(&scene, 0.0).unwrap().unwrap();
-        assert_eq!(found.share, 0.5, "the lasting one and the first of the brief ones");
+        assert_eq!(found.share, 0.5, "the permanent one and the first short-lived one");
         assert!(found.is_partial() && found.median == 1.0, "{found:?}");
         let found = Lifetimes::of(&scene, 0.25).unwrap().unwrap();
-        assert_eq!(found.share, 0.25, "only the lasting one");
-        let said = found.describe();
-        assert!(said.starts_with("25 % of the splats"), "{said}");
+        assert_eq!(found.share, 0.25, "only the permanent one");
+        let message = found.describe();
+        assert!(message.starts_with("25 % of the splats"), "{message}");
         let static_scene = StaticScene::new(rest(2)).unwrap();
         assert_eq!(Lifetimes::of(&static_scene, 0.0).unwrap(), None, "nothing fades");
     }

@@ -56,9 +56,9 @@ mod tests {
     #[test]
     fn too_large_requests_are_refused_with_their_size() {
         require("nothing", 0, "").unwrap();
-        let failure = require("counting grains of sand", 1 << 60, "Count fewer.").unwrap_err();
+        let failure = require("a very large image", 1 << 60, "Use a smaller image.").unwrap_err();
         let text = failure.to_string();
-        assert!(text.contains("grains of sand takes about 1099511627776 MiB"), "{text}");
-        assert!(text.contains("next: Count fewer."), "{text}");
+        assert!(text.contains("a very large image takes about 1099511627776 MiB"), "{text}");
+        assert!(text.contains("next: Use a smaller image."), "{text}");
     }
 }

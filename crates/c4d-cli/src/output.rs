@@ -15,15 +15,14 @@ pub(crate) fn output_failure(error: &IoError) -> Failure {
     let text = chain(error);
     match error {
         IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
-            .next("Choose another name; -w replaces what c4d wrote."),
+            .next("Choose a different name; -w replaces what c4d wrote."),
         IoError::NotOurs { path, entry, .. } => Failure::usage(text).next(format!(
-            "Move {} elsewhere, or choose another name for the output.",
+            "Move {} elsewhere, or choose a different name for the output.",
             path.join(entry).display()
         )),
         IoError::Taken { next, .. } => Failure::usage(text).next(next),
-        IoError::Busy { .. } => {
-            Failure::usage(text).next("Wait for it to end, or choose another name for the output.")
-        }
+        IoError::Busy { .. } => Failure::usage(text)
+            .next("Wait for it to end, or choose a different name for the output."),
         IoError::Content { .. } => Failure::usage(text),
         IoError::Scene { source, .. } => Failure::bad_input(chain(source)),
         IoError::Write { .. } => Failure::failed(text).next(ROOM),
@@ -43,7 +42,7 @@ pub(crate) fn refuse_overlap(output: &Path, inputs: &[PathBuf]) -> Outcome {
                 output.display(),
                 input.display()
             ))
-            .next("Choose another output; inputs are never overwritten."));
+            .next("Choose a different output; inputs are never overwritten."));
         }
     }
     Ok(())
@@ -60,8 +59,8 @@ fn real(path: &Path) -> Option<PathBuf> {
 }
 
 /// Refuses SH degrees that the scene does not have.
-pub(crate) fn check_sh_degree(asked: Option<usize>, available: usize) -> Outcome {
-    match asked {
+pub(crate) fn check_sh_degree(requested: Option<usize>, available: usize) -> Outcome {
+    match requested {
         Some(degree) if degree > available => Err(Failure::usage(format!(
             "--sh-degree {degree}: the scene has SH degree {available}"
         ))),

@@ -2,7 +2,7 @@
 
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::Extent;
 
 /// Position steps above these shares of a splat's size and of the scene's radius are visible:
@@ -11,7 +11,7 @@ const SPLAT_SHARE: f64 = 0.25;
 const SCENE_SHARE: f64 = 1e-3;
 
 /// Extent of a scene's first frame; for a run, of its source.
-pub(crate) fn of_scene(opened: &Opened) -> Outcome<Extent> {
+pub(crate) fn of_scene(opened: &LoadedScene) -> Outcome<Extent> {
     let scene = opened.original.as_ref().unwrap_or(&opened.scene);
     let first = scene.at(scene.time_range().start).map_err(Failure::input)?;
     Ok(Extent::of(&first))

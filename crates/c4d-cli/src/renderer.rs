@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sheet_places_and_averages() {
+    fn contact_sheets_arrange_and_average_images() {
         let image = |value: f32| Image::from_data(4, 4, 1, vec![value; 16]).unwrap();
         let sheet = contact_sheet(&[image(0.25), image(0.75), image(0.5)], 4);
         assert_eq!(
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn side_by_side_keeps_both() {
+    fn side_by_side_contains_both_images() {
         let joined = side_by_side(
             &Image::from_data(1, 1, 3, vec![0.1; 3]).unwrap(),
             &Image::from_data(1, 1, 3, vec![0.9; 3]).unwrap(),

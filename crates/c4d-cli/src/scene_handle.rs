@@ -2,7 +2,7 @@
 
 use crate::args::{Cli, Command, Global, RenderArgs};
 use crate::cameras::own_times;
-use crate::commands::render::{Shot, Views, cropped, layers, views};
+use crate::commands::render::{RenderJob, Views, cropped, layers, views};
 use crate::console::Console;
 use crate::device::{Device, GpuChoice};
 use crate::evidence::evidence;
@@ -12,7 +12,7 @@ use crate::in_process::cancellable;
 use crate::observer::Observer;
 use crate::passes::{PassImage, flow_image};
 use crate::rendered::RenderedImage;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::threads::start_threads;
 use crate::{memory, still};
 use gs_core::{Camera, DynamicScene};
@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A scene, run or single frame as `c4d` opens it.
 #[derive(Debug)]
 pub struct SceneHandle {
-    opened: Opened,
+    opened: LoadedScene,
     /// The device of the last render, because opening an adapter takes longer than rendering.
     device: Mutex<Option<(GpuChoice, Device)>>,
 }
@@ -149,7 +149,7 @@ impl SceneHandle {
         } else {
             Vec::new()
         };
-        let shot = Shot {
+        let job = RenderJob {
             scene: self.opened.scene.as_ref(),
             edit_time: self.opened.edit_time,
             mask: self.opened.mask,
@@ -163,11 +163,11 @@ impl SceneHandle {
             device: &device,
             console,
         };
-        let then = shot.splats_of_edit(&args.passes)?;
+        let then = job.splats_of_edit(&args.passes)?;
         let mut images = Vec::new();
-        shot.render(|exposure| {
+        job.render(|exposure| {
             for &pass in &args.passes {
-                let image = match shot.image_of(pass, exposure, &then)? {
+                let image = match job.image_of(pass, exposure, &then)? {
                     PassImage::Flow(flow) => flow_image(&flow),
                     PassImage::Grey(image) => image,
                     PassImage::Overlay(colors, numbers) => numbers.unwrap_or(colors),

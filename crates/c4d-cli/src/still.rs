@@ -4,7 +4,7 @@ use crate::args::{AxesArg, Global, RenderArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::model_flags::damage;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use gs_io::{OpenOptions, SceneKind};
 use std::path::Path;
 
@@ -14,7 +14,7 @@ pub(crate) fn open(
     axes: Option<AxesArg>,
     global: &Global,
     console: &Console,
-) -> Outcome<Opened> {
+) -> Outcome<LoadedScene> {
     if !path.exists() {
         return scene::open(path, global, console);
     }
@@ -44,7 +44,7 @@ pub(crate) fn open(
 }
 
 /// Default number of frames of a render: one for a static scene with fixed cameras.
-pub(crate) fn frames(args: &RenderArgs, opened: &Opened) -> Option<usize> {
+pub(crate) fn frames(args: &RenderArgs, opened: &LoadedScene) -> Option<usize> {
     let walked = args.cameras == "orbit" || args.cameras == "spiral";
     (opened.kind.is_frame() && args.times.is_empty() && !walked).then_some(1)
 }

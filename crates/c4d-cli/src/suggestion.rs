@@ -38,13 +38,13 @@ fn inside(folder: &Path, needed: Needed) -> Option<String> {
     let named = |(path, kind): &(PathBuf, SceneKind)| format!("{} ({kind})", path.display());
     match &found[..] {
         [] => None,
-        [only] => Some(format!("The folder contains {}: give that path.", named(only))),
+        [only] => Some(format!("The folder contains {}: use that path.", named(only))),
         several => {
             let mut names: Vec<String> = several.iter().take(SHOWN).map(named).collect();
             if several.len() > SHOWN {
                 names.push(format!("{} more", several.len() - SHOWN));
             }
-            Some(format!("The folder contains {}: give one of these paths.", names.join(", ")))
+            Some(format!("The folder contains {}: use one of these paths.", names.join(", ")))
         }
     }
 }
@@ -86,7 +86,7 @@ fn around(file: &Path, needed: Needed) -> Option<String> {
     let known = |folder: &&Path| gs_io::detect(folder).is_ok_and(|kind| needed.fits(&kind));
     let folder = file.ancestors().skip(1).take(DEPTH).filter(known).last()?;
     let kind = gs_io::detect(folder).ok()?;
-    Some(format!("It belongs to {} ({kind}): give that folder.", folder.display()))
+    Some(format!("It belongs to {} ({kind}): use that folder.", folder.display()))
 }
 
 #[cfg(test)]
@@ -100,17 +100,20 @@ mod tests {
         assert_eq!(for_path(dir.path(), Needed::Scene), None, "the folder is empty");
         fs::write(dir.path().join("notes.txt"), "hello").unwrap();
         fs::write(dir.path().join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-        let said = for_path(dir.path(), Needed::Scene).unwrap();
-        assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
+        let message = for_path(dir.path(), Needed::Scene).unwrap();
+        assert!(message.contains("walk.splatv") && message.contains("use that"), "{message}");
         assert_eq!(for_path(dir.path(), Needed::Frame), None, "a clip is not a frame");
         fs::write(dir.path().join("wave.splat4d"), "SP4D").unwrap();
-        let said = for_path(dir.path(), Needed::Scene).unwrap();
-        assert!(said.contains("wave.splat4d") && said.contains("one of these paths"), "{said}");
+        let message = for_path(dir.path(), Needed::Scene).unwrap();
+        assert!(
+            message.contains("wave.splat4d") && message.contains("one of these paths"),
+            "{message}"
+        );
         let outer = tempfile::tempdir().unwrap();
         let inner = outer.path().join("output/exp1");
         fs::create_dir_all(&inner).unwrap();
         fs::write(inner.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-        let said = for_path(outer.path(), Needed::Scene).unwrap();
-        assert!(said.contains("exp1") && said.contains("walk.splatv"), "deeper: {said}");
+        let message = for_path(outer.path(), Needed::Scene).unwrap();
+        assert!(message.contains("exp1") && message.contains("walk.splatv"), "deeper: {message}");
     }
 }

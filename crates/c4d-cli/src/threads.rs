@@ -21,10 +21,10 @@ pub fn start_threads(threads: Option<usize>) -> Outcome {
     }
     let mut started = STARTED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     match (*started, threads) {
-        (Some(running), Some(asked)) if asked != running => Err(Failure::usage(format!(
-            "--threads {asked}: the thread pool of this process already runs with {running}"
+        (Some(running), Some(requested)) if requested != running => Err(Failure::usage(format!(
+            "--threads {requested}: the thread pool of this process already runs with {running}"
         ))
-        .next("Give the number with the first call of the process, or start a new process.")),
+        .next("Set the number in the first call of the process, or start a new process.")),
         (Some(_), _) => Ok(()),
         (None, _) => {
             // Started here, where a failure is an error; at first use it would be a panic.
@@ -33,7 +33,7 @@ pub fn start_threads(threads: Option<usize>) -> Outcome {
                 .build_global()
                 .map_err(|error| {
                     Failure::failed(format!("cannot start the threads: {error}"))
-                        .next("Give a smaller --threads, or allow the process more memory.")
+                        .next("Use a smaller --threads, or allow the process more memory.")
                 })?;
             *started = Some(rayon::current_num_threads());
             Ok(())
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn absurd_numbers_are_refused() {
+    fn too_many_threads_are_refused() {
         for threads in [0, MAX_THREADS + 1] {
             let failure = start_threads(Some(threads)).unwrap_err();
             assert!(failure.to_string().contains("expected 1 to 1024"), "{failure}");

@@ -55,7 +55,7 @@ impl<W: Write> VideoWriter<W> {
                 {}×{}",
                 MAX_SIDES.0, MAX_SIDES.1
             ))
-            .next("Choose another --size (--side-by-side doubles the width)."));
+            .next("Choose a different --size (--side-by-side doubles the width)."));
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let key_period = (fps * KEY_FRAME_SECS).clamp(1.0, 600.0) as u32;

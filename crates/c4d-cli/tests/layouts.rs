@@ -145,7 +145,7 @@ fn as_4dgs(scene: &dyn DynamicScene, frames: usize, path: &Path) -> fourdgs_file
 }
 
 #[test]
-fn short_lived_splats_render_alike_in_all_layouts() {
+fn short_lived_splats_render_the_same_in_all_layouts() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     let lines = figure();
@@ -184,7 +184,7 @@ fn short_lived_splats_render_alike_in_all_layouts() {
 
 #[test]
 #[ignore = "needs a captured scene: C4D_CAPTURED=FILE.splatv"]
-fn a_captured_scene_renders_alike_in_other_layouts() {
+fn a_captured_scene_renders_the_same_in_other_layouts() {
     let path = std::env::var_os("C4D_CAPTURED").expect("C4D_CAPTURED is the path of a .splatv");
     let truth = splatv::open(Path::new(&path), Damage::Drop).unwrap().scene;
     let dir = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 /// An array that takes over the memory of `values`.
 ///
 /// # Errors
-/// If `shape` has another number of elements.
+/// If `shape` has a different number of elements.
 pub(crate) fn array<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,

@@ -107,7 +107,7 @@ impl Camera {
         array(py, self.inner.position().to_vec(), &[3])
     }
 
-    /// The same view at another image size, pixels.
+    /// The same view at a different image size, pixels.
     fn resized(&self, width: u32, height: u32) -> PyResult<Self> {
         Self { inner: self.inner.resized(width, height) }.checked()
     }

@@ -6,7 +6,7 @@ import pytest
 from catalyst4d import anchors
 
 
-def test_anchors_stand_for_their_members():
+def test_anchors_represent_their_members():
     points = np.random.default_rng(0).random((500, 3))
     found = anchors.build(points, num_lines=20_000)
     assert 50 < len(found) < 500

@@ -118,11 +118,11 @@ def test_errors_have_the_text_of_the_program(scene, tmp_path):
         with pytest.raises(kind) as caught:
             c4d.run(*words)
         assert done.returncode == code == caught.value.exit_code
-        told = done.stderr.removeprefix("error: ").rstrip()
-        assert str(caught.value).startswith(told.splitlines()[0]), done.stderr
+        message = done.stderr.removeprefix("error: ").rstrip()
+        assert str(caught.value).startswith(message.splitlines()[0]), done.stderr
         if words[0] != "export":
-            assert str(caught.value) == told
-            assert caught.value.next_step in told
+            assert str(caught.value) == message
+            assert caught.value.next_step in message
     with pytest.raises(c4d.InputError, match="absent does not exist"):
         c4d.propagate("absent", "x.ply")
     with pytest.raises(c4d.UsageError):

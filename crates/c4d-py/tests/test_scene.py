@@ -71,7 +71,7 @@ def test_cameras_of_files(scene, tmp_path):
     program("freeze", scene.path, "--views", 3, "-o", tmp_path / "frame")
     found = c4d.Cameras.open(tmp_path / "frame")
     assert len(found) == 3 and found[0].width > 0 and found.format
-    with pytest.raises(c4d.InputError, match="next: Give a data set"):
+    with pytest.raises(c4d.InputError, match="next: Specify a data set"):
         c4d.Cameras.open(tmp_path / "none")
 
 

@@ -25,10 +25,10 @@ def test_plans_equal_those_of_pot(reg, reg_m):
     np.testing.assert_allclose(ours.row_mass, theirs.sum(1), rtol=1e-6)
     assert abs(ours.transport_cost - (cost * theirs).sum()) < 1e-8
     other = uot.solve(a, b, cost, reg=1.2 * reg, reg_m=reg_m)
-    assert abs(other.plan - theirs).max() > 1e-6, "another weight, another plan"
+    assert abs(other.plan - theirs).max() > 1e-6, "a different weight gives a different plan"
 
 
-def test_held_marginals_are_balanced_transport():
+def test_infinite_weights_give_balanced_transport():
     random = np.random.default_rng(1)
     cost = random.random((30, 20))
     ours = uot.solve(cost=cost, reg=0.1, reg_m=math.inf)
@@ -66,7 +66,7 @@ def test_wrong_input_is_an_error():
             uot.solve(**arguments)
 
 
-def test_speed_beside_pot(record_property):
+def test_speed_compared_with_pot(record_property):
     """Two clouds of 5000 points in this process, with all cores for both, to the same accuracy."""
     random = np.random.default_rng(3)
     n, reg = 5000, 0.1

@@ -117,8 +117,8 @@ class Selection {
     const { marks, count } = await sources[cell.source].call("select", { time: clock.time, second: cell.second, shape });
     overlays.mark(cell.source, marks);
     const expression = expressionOf(shape);
-    const { line } = await this.post("selection", { scene: cell.scene, frame: Math.round(clock.time), expression });
-    this.said(`${count.toLocaleString("en")} splats selected. The command is also in the terminal:`, line);
-    return { count, expression, line };
+    const { command } = await this.post("selection", { scene: cell.scene, frame: Math.round(clock.time), expression });
+    this.said(`${count.toLocaleString("en")} splats selected. The command is also in the terminal:`, command);
+    return { count, expression, command };
   }
 }

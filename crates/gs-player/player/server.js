@@ -75,8 +75,8 @@ class Tools {
     const size = view.size.map((side) => Math.max(1, Math.round(side / density)));
     const body = { rows: view.rows, focal: view.focal.map((focal) => focal / density), size, near: view.near };
     try {
-      const { said, line } = await this.post("camera", body);
-      this.said(said, line);
+      const { message, command } = await this.post("camera", body);
+      this.said(message, command);
     } catch (error) {
       this.said(error.message);
     }

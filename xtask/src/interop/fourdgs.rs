@@ -2,7 +2,7 @@
 
 use super::compare::{VISIBLE, difference, paired};
 use super::peers::{checked, fourdgs, python};
-use super::trip::Trip;
+use super::round_trips::RoundTrips;
 use anyhow::Result;
 use gs_core::Splats;
 use gs_io::frame;
@@ -14,7 +14,7 @@ const FRAMES: &str = "9";
 /// Compared times, as shares of the clip. The second and the fourth lie between frames.
 const TIMES: [&str; 5] = ["0", "0.3", "0.5", "0.7", "1"];
 
-impl Trip {
+impl RoundTrips {
     /// Rows of the table: how each program evaluates the other's files.
     pub(super) fn fourdgs(&self, folder: &Path) -> Result<Vec<String>> {
         let package = fourdgs();

@@ -91,7 +91,7 @@ impl CrateTable {
                 }
                 for dependency in listed.difference(actual) {
                     found.push(format!(
-                        "the crate table says that `{name}` {how} `{dependency}`, its manifest does not"
+                        "the crate table states that `{name}` {how} `{dependency}`, its manifest does not"
                     ));
                 }
             }

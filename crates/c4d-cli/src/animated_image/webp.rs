@@ -33,7 +33,7 @@ impl<W: Write> WebpWriter<W> {
                 "a WebP of {width}×{height} pixels: sides are limited to {}",
                 Self::MAX_SIDE
             ))
-            .next("Give another --size.")),
+            .next("Use a different --size.")),
         };
         let options = EncoderOptions {
             color_mode: ColorMode::Rgb,

@@ -97,7 +97,7 @@ pub(crate) struct PictureFlags {
     /// Do not align the pictures with each other
     #[arg(long, requires = "views")]
     pub(crate) no_align: bool,
-    /// Seed of everything random
+    /// Random seed
     #[arg(long, default_value_t = 0, requires = "views")]
     pub(crate) seed: u64,
     /// Interval between checkpoints for --resume

@@ -59,7 +59,7 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_delimiter = ',', value_name = "core|all|NAME,…")]
     pub(crate) metrics: Vec<String>,
     /// Propagate an edit with each variant of the paper's ablations and with the defaults, measure
-    /// each run, and print one table; give a scene instead of the run, and the folder for the runs
+    /// each run, and print one table; pass a scene instead of the run, and the folder for the runs
     /// with -o
     #[arg(long, requires = "edited", requires = "output")]
     pub(crate) ablation: bool,

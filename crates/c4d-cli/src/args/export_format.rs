@@ -57,7 +57,7 @@ impl ExportFormat {
     }
 
     /// The format of files with this name.
-    pub(crate) fn called(path: &Path) -> Option<Self> {
+    pub(crate) fn from_file_name(path: &Path) -> Option<Self> {
         let name = path.file_name()?.to_string_lossy().to_lowercase();
         let named = |(ending, format): &(&str, Self)| name.ends_with(ending).then_some(*format);
         ENDINGS.iter().find_map(named)
@@ -87,13 +87,13 @@ mod tests {
 
     #[test]
     fn unique_extensions_imply_the_format() {
-        let called = |name: &str| ExportFormat::called(Path::new(name));
-        assert_eq!(called("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "ignoring case");
-        assert_eq!(called("clip.splatv"), Some(ExportFormat::Splatv), "not the shorter extension");
-        assert_eq!(called("one.compressed.ply"), Some(ExportFormat::CompressedPly), "two dots");
-        assert_eq!(called("one.ply"), Some(ExportFormat::Ply), "one frame");
+        let format = |name: &str| ExportFormat::from_file_name(Path::new(name));
+        assert_eq!(format("a/Clip.SPLAT4D"), Some(ExportFormat::Splat4d), "ignoring case");
+        assert_eq!(format("clip.splatv"), Some(ExportFormat::Splatv), "not the shorter extension");
+        assert_eq!(format("one.compressed.ply"), Some(ExportFormat::CompressedPly), "two dots");
+        assert_eq!(format("one.ply"), Some(ExportFormat::Ply), "one frame");
         for name in ["frames", "frames/", "clip.mp4", "..", ""] {
-            assert_eq!(called(name), None, "{name}");
+            assert_eq!(format(name), None, "{name}");
         }
     }
 }

@@ -40,8 +40,8 @@ pub(crate) struct PropagateArgs {
     /// Use a baseline instead of the motion model
     #[arg(long, value_enum)]
     pub(crate) baseline: Option<BaselineArg>,
-    /// `amg` keeps the exact motion of unedited splats; `amg-all` estimates the motion of all
-    /// splats, as the paper does [default: amg; amg-all with --preset paper]
+    /// `edited` keeps the exact motion of unedited splats; `all` estimates the motion of all
+    /// splats, as the paper does [default: edited; all with --preset paper]
     #[arg(long, value_enum)]
     pub(crate) motion: Option<MotionArg>,
     /// What the edit applies to: the splats of the edited frame only, or their surface, so that
@@ -49,10 +49,10 @@ pub(crate) struct PropagateArgs {
     /// short-lived splats and --preset best; else splats]
     #[arg(long, value_enum)]
     pub(crate) follow: Option<FollowArg>,
-    /// Seed of everything random [default: 0]
+    /// Random seed [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
-    /// Continue even if the edited file seems to belong to another scene, or is the whole scene
+    /// Continue even if the edited file seems to belong to a different scene, or is the whole scene
     /// rotated, scaled or translated
     #[arg(long)]
     pub(crate) allow_far: bool,
@@ -87,9 +87,21 @@ pub(crate) enum BaselineArg {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MotionArg {
     /// Edited splats; the others keep their exact motion
-    Amg,
+    #[value(alias = "amg")]
+    Edited,
     /// All splats
-    AmgAll,
+    #[value(alias = "amg-all")]
+    All,
+}
+
+impl MotionArg {
+    /// The name in records.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Edited => "edited",
+            Self::All => "all",
+        }
+    }
 }
 
 /// What an edit applies to.

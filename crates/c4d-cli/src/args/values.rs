@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn sizes_and_colours() {
         assert_eq!(parse_size("640x480"), Ok((640, 480)), "plain");
-        assert!(parse_size("0x480").is_err() && parse_size("640").is_err(), "nonsense");
+        assert!(parse_size("0x480").is_err() && parse_size("640").is_err(), "malformed");
         assert_eq!(parse_background("1,0.5,0"), Ok([1.0, 0.5, 0.0]), "triple");
         assert!(parse_background("1,2,3").is_err(), "out of range");
     }

@@ -41,8 +41,9 @@ pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console)
     let (cases, brief_cases) = cases(&args.cases)?;
     let sizes = if brief_cases.is_empty() { CASE_SIZES } else { BriefParams::NUM_SPLATS };
     if !sizes.contains(&args.size) {
-        let (least, most) = (sizes.start(), sizes.end());
-        let what = format!("--size {}: expected {least} to {most} for these cases", args.size);
+        let (smallest, largest) = (sizes.start(), sizes.end());
+        let what =
+            format!("--size {}: expected {smallest} to {largest} for these cases", args.size);
         return Err(Failure::usage(what));
     }
     let folder = AtomicDir::create(&args.output, existing(global))

@@ -34,7 +34,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
             args.numbers.len(),
             args.runs.len()
         ))
-        .next("Give one metrics.json per run, in the same order."));
+        .next("Pass one metrics.json per run, in the same order."));
     }
     let mut file = AtomicFile::create(&args.output, existing(global))
         .map_err(|error| output_failure(&error))?;
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &CompareArgs, global: &Global, console: &Console) -> Out
     let mut html = String::new();
     for shrink in SHRINK {
         let mut page = Page::default();
-        page.section("first", "Look here first", &look.first(shrink)?);
+        page.section("first", "Largest differences", &look.first(shrink)?);
         page.section("sheet", "Over time", &look.sheet(shrink)?);
         page.section("curves", "Curves", &look.curves());
         page.section("numbers", "Numbers", &look.table(false));
@@ -121,10 +121,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_runs_apart() {
+    fn names_of_runs_are_distinct() {
         let of = |runs: &[&str]| names(&runs.iter().map(Into::into).collect::<Vec<_>>());
         assert_eq!(of(&["a/run", "b"]), ["run", "b"], "last parts");
         assert_eq!(of(&["a/run", "b/run"]), ["a/run", "b/run"], "more where needed");
-        assert_eq!(of(&["run", "run"]), ["1: run", "2: run"], "the same twice");
+        assert_eq!(of(&["run", "run"]), ["1: run", "2: run"], "equal names");
     }
 }

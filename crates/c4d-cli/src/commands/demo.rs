@@ -2,7 +2,7 @@
 
 use super::propagate::{self, Recorded};
 use super::refine;
-use super::render::{Shot, Views, write_sheet};
+use super::render::{RenderJob, Views, write_sheet};
 use crate::args::{DemoArgs, Global, MotionArg, Pass, PresetArg, RefineFlags};
 use crate::clip_file;
 use crate::console::Console;
@@ -55,12 +55,12 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     crate::memory::require(
         &format!("a scene of {} splats", args.splats),
         (args.splats as u64).saturating_mul(BYTES_PER_SPLAT),
-        "Give a smaller --splats.",
+        "Use a smaller --splats.",
     )?;
     let allowed = DemoParams::NUM_SPLATS;
     if !allowed.contains(&args.splats) {
-        let (least, most) = (allowed.start(), allowed.end());
-        let what = format!("--splats {}: expected {least} to {most}", args.splats);
+        let (smallest, largest) = (allowed.start(), allowed.end());
+        let what = format!("--splats {}: expected {smallest} to {largest}", args.splats);
         return Err(Failure::usage(what));
     }
     let start = Instant::now();
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         no_refine: true,
         preset: PresetArg::Best,
         baseline: None,
-        motion: MotionArg::Amg,
+        motion: MotionArg::Edited,
         follow: None,
         seed: args.seed,
         allow_far: false,
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         refine_size: Some(REFINE_SIZE),
         ..RefineFlags::default()
     };
-    let begun = Checkpoint::anew(PresetArg::Best, Settings::default().refine(), &flags);
+    let begun = Checkpoint::new(PresetArg::Best, Settings::default().refine(), &flags);
     refine::refine(&root.join(RUN), begun, &global, console)?;
 
     let opened = scene::open(&root.join(RUN), &global, console)?;
@@ -112,7 +112,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         error.epe, error.num_scored, error.p95
     ));
     let front: Vec<Camera> = cameras.into_iter().take(1).collect();
-    let shot = Shot {
+    let job = RenderJob {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
@@ -128,9 +128,9 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
     };
     let fps = (args.frames as f64 / SECS).min(MAX_FPS);
     clip_file::write_playable((&root.join(VIDEO), Existing::Refuse), fps, |push| {
-        shot.render(|exposure| push(&exposure.image(Pass::Rgb)))
+        job.render(|exposure| push(&exposure.image(Pass::Rgb)))
     })?;
-    write_sheet((&root.join(SHEET), Existing::Refuse), &shot)?;
+    write_sheet((&root.join(SHEET), Existing::Refuse), &job)?;
     folder.commit().map_err(|error| output_failure(&error))?;
 
     console.note(format!(
@@ -149,17 +149,17 @@ fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
     let pictures = synthetic.orbit_cameras(PICTURES, PICTURE_SIZE, PICTURE_SIZE);
     let shown = |splats: &Splats| {
         cuar::first_frame_shares(&CpuRasterizer::default(), splats, &pictures)
-            .map_err(|error| Unmade(chain(&error)))
+            .map_err(|error| DemoEditError(chain(&error)))
     };
     let unseen = gs_synth::UnseenColor::Source;
     gs_synth::deliver(synthetic, &gs_synth::demo_edits(), seed, unseen, shown)
-        .map_err(|Unmade(what)| Failure::failed(what))
+        .map_err(|DemoEditError(what)| Failure::failed(what))
 }
 
 /// Error of making the demo's edit.
-struct Unmade(String);
+struct DemoEditError(String);
 
-impl From<SynthError> for Unmade {
+impl From<SynthError> for DemoEditError {
     fn from(error: SynthError) -> Self {
         Self(chain(&error))
     }

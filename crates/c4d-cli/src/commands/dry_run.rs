@@ -11,7 +11,7 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::images;
 use crate::output::{existing, output_failure};
 use crate::renderer::side_by_side;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::Splats;
@@ -21,16 +21,17 @@ use std::path::{Path, PathBuf};
 
 /// Change of a splat by the edit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fate {
+enum Change {
     Unchanged,
     Recoloured,
     Moved,
     New,
-    Gone,
+    Removed,
 }
 
-impl Fate {
-    const ALL: [Self; 5] = [Self::Unchanged, Self::Recoloured, Self::Moved, Self::New, Self::Gone];
+impl Change {
+    const ALL: [Self; 5] =
+        [Self::Unchanged, Self::Recoloured, Self::Moved, Self::New, Self::Removed];
 
     fn name(self) -> &'static str {
         match self {
@@ -38,7 +39,7 @@ impl Fate {
             Self::Recoloured => "recoloured",
             Self::Moved => "moved",
             Self::New => "new",
-            Self::Gone => "gone",
+            Self::Removed => "removed",
         }
     }
 
@@ -48,7 +49,7 @@ impl Fate {
             Self::Unchanged | Self::Recoloured => "they keep their own motion, exactly",
             Self::Moved => "they keep their own motion, transformed with their group",
             Self::New => "their motion is estimated from the splats around them",
-            Self::Gone => "missing from the edit; they are removed",
+            Self::Removed => "missing from the edit; they are removed",
         }
     }
 
@@ -59,7 +60,7 @@ impl Fate {
             Self::Recoloured => [1.0, 0.65, 0.1],
             Self::Moved => [0.3, 0.6, 1.0],
             Self::New => [0.25, 0.9, 0.35],
-            Self::Gone => [1.0, 0.2, 0.25],
+            Self::Removed => [1.0, 0.2, 0.25],
         }
     }
 
@@ -77,7 +78,7 @@ impl Fate {
 /// time of the edit, and writes the image.
 pub(super) fn show(
     args: &PropagateJob,
-    (source, before): (&Opened, &Splats),
+    (source, before): (&LoadedScene, &Splats),
     (after, identity): (&Splats, &IdentityParams),
     global: &Global,
     console: &Console,
@@ -89,14 +90,14 @@ pub(super) fn show(
     let params = IdentityParams { enabled: true, ..identity.clone() };
     let map = IdentityMap::of(before, after, &params)
         .map_err(|error| Failure::bad_input(chain(&error)))?;
-    let fates = map.rows.iter().map(|row| Fate::of(*row));
-    let fates: Vec<Fate> =
-        fates.chain(std::iter::repeat_n(Fate::Gone, map.vanished.len())).collect();
-    let count = |fate| fates.iter().filter(|other| **other == fate).count();
-    let counts = Fate::ALL.map(|fate| (fate.name().to_owned(), json!(count(fate))));
+    let fates = map.rows.iter().map(|row| Change::of(*row));
+    let fates: Vec<Change> =
+        fates.chain(std::iter::repeat_n(Change::Removed, map.vanished.len())).collect();
+    let count = |change| fates.iter().filter(|other| **other == change).count();
+    let counts = Change::ALL.map(|change| (change.name().to_owned(), json!(count(change))));
     console.report(|| json!({ "splats": serde_json::Map::from_iter(counts) }));
-    for fate in Fate::ALL {
-        console.result(format!("{:>10} {:>9}  {}", fate.name(), count(fate), fate.motion()));
+    for change in Change::ALL {
+        console.result(format!("{:>10} {:>9}  {}", change.name(), count(change), change.motion()));
     }
 
     let mut both = after.clone();
@@ -105,7 +106,7 @@ pub(super) fn show(
     }
     let device = Device::open(global.gpu)?;
     let rig = CameraRig::of_scene(source.scene.as_ref(), source.up).map_err(Failure::input)?;
-    let camera = view(&rig, &both, |row| fates[row] != Fate::Unchanged, &device)?;
+    let camera = view(&rig, &both, |row| fates[row] != Change::Unchanged, &device)?;
     let background = source.background;
     let panels = [
         render(before.clone(), &camera, background, &device)?,
@@ -116,7 +117,8 @@ pub(super) fn show(
     let panels =
         panels.into_iter().zip(titles).map(|(image, title)| caption::titled(&image, title));
     let joined = panels.reduce(|left, right| side_by_side(&left, &right)).unwrap_or_default();
-    let legend = Fate::ALL.map(|fate| (fate.color(), format!("{} {}", fate.name(), count(fate))));
+    let legend =
+        Change::ALL.map(|change| (change.color(), format!("{} {}", change.name(), count(change))));
     images::write_png(&mut file, &path, &caption::with_legend(&joined, &legend))?;
     file.commit().map_err(|error| output_failure(&error))?;
     console.note(format!(
@@ -145,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_image_is_beside_the_run() {
+    fn the_preview_is_next_to_the_run() {
         let path = |output: &str| picture_path(Path::new(output)).display().to_string();
         assert_eq!(path("out/run/"), "out/run.preview.png", "a folder");
         assert_eq!(path("run.v2"), "run.v2.preview.png", "a dot");

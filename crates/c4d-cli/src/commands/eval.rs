@@ -83,7 +83,7 @@ fn emit(
             "{} is not a run: there is nothing to compare it with",
             args.run.display()
         ))
-        .next("Give the folder that c4d propagate wrote."));
+        .next("Specify the folder that c4d propagate wrote."));
     };
     refuse_overlap(folder, &opened.roots)?;
     let at = evaluation::viewpoints(&view_flags(&args.measure), &opened, console)?;

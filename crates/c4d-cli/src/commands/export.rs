@@ -4,11 +4,11 @@ mod clip;
 mod flags;
 mod html;
 mod manifest;
+mod messages;
 mod snapshot;
-mod written;
 
 pub(crate) use html::failure as page_failure;
-pub(crate) use written::say;
+pub(crate) use messages::note_losses;
 
 use crate::args::{ExportArgs, ExportFormat, Global, Up};
 use crate::console::Console;
@@ -20,7 +20,7 @@ use crate::scene;
 use gs_io::ply::WriteOptions;
 use gs_io::ply::comments;
 use gs_io::{compressed_ply, ply_sequence};
-use written::{plain_losses, say_written};
+use messages::{note_written, plain_losses};
 
 /// Largest size of a plain zip, bytes; players that stream archives do not support zip64.
 const ZIP_LIMIT: u64 = u32::MAX as u64;
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     };
     let mut losses = written.map_err(|error| output_failure(&error))?;
     losses.push(
-        "the format stores no frame rate (players assume 24 to 30); the manifest beside it does",
+        "the format stores no frame rate (players assume 24 to 30); the manifest next to it does",
     );
     let elapsed = progress.finish();
     manifest.write(&manifest::Content {
@@ -110,6 +110,6 @@ pub(crate) fn run(args: &ExportArgs, global: &Global, console: &Console) -> Outc
     })?;
     let playing = frames::playing(times.len(), fps);
     let what = format!("{} splats, {playing}", scene.num_splats());
-    say_written(output, elapsed, &what, &losses, console);
+    note_written(output, elapsed, &what, &losses, console);
     Ok(())
 }

@@ -7,7 +7,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::renderer::Renderer;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, images, memory, placement, scene};
 use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::{Camera, Splats};
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &FreezeArgs, global: &Global, console: &Console) -> Outc
 /// Cameras to write, and where they come from.
 fn cameras_of(
     args: &FreezeArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<(Vec<Camera>, String)> {
     let count = args.views.map(usize::from);
@@ -182,16 +182,16 @@ fn visible(splats: Splats, args: &FreezeArgs, console: &Console) -> Outcome<Spla
     let (time, all) = (args.time, splats.len());
     if !args.visible {
         console.note(format!(
-            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of a region changes them too; --visible leaves them out"
+            "{hidden} of {all} splats are invisible at time {time} and appear at others: an edit of a region changes them too; --visible omits them"
         ));
         return Ok(splats);
     }
     if seen.is_empty() {
         return Err(Failure::usage(format!("--visible: no splat is visible at time {time}"))
-            .next("Choose another --time, or leave out --visible."));
+            .next("Choose a different --time, or omit --visible."));
     }
     console.note(format!(
-        "--visible: {hidden} of {all} splats are invisible at time {time} and left out; c4d propagate keeps them in the result"
+        "--visible: {hidden} of {all} splats are invisible at time {time} and omitted; c4d propagate keeps them in the result"
     ));
     Ok(splats.select(&seen))
 }

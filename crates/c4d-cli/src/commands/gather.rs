@@ -28,10 +28,10 @@ pub(crate) fn run(args: &GatherArgs, global: &Global, console: &Console) -> Outc
     for path in &args.parts {
         if !PartFolder::is_at(path) {
             return Err(Failure::bad_input(format!(
-                "{} is not a part: --part of c4d render, eval or refine makes parts",
+                "{} is not a part; c4d render, eval and refine write parts with --part",
                 path.display()
             ))
-            .next("Give the outputs of --part 1/N to --part N/N, and nothing else."));
+            .next("Pass the outputs of --part 1/N to --part N/N, and nothing else."));
         }
         let PartFolder { record, files } = PartFolder::read(path)?;
         parts.push((path.clone(), record, files.into_keys().collect::<Vec<String>>()));

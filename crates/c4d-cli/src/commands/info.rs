@@ -1,12 +1,12 @@
 //! `c4d info`: shows what a path is, what is missing, and what to do with it.
 
-mod products;
+mod unsupported_files;
 
 use crate::args::{AxesArg, Global, InfoArgs};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::lifetimes::Lifetimes;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::suggestion::{self, Needed};
 use gs_core::sh::C0;
 use gs_core::{Precision, RowPrecision, Splats, nearest_rank};
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InfoArgs, global: &Global, console: &Console) -> Outcom
 }
 
 /// Supported inputs.
-const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth beside point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv, .splat4d, .4dgs and .tsog clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
+const READS: &str = "c4d reads 4DGS model folders (point_cloud/iteration_N with point_cloud.ply and deformation.pth), Swift4D model folders (the same with FDHash.pth), model folders of Deformable-3D-Gaussians, SC-GS, Grid4D and DASH (deform/iteration_N/deform.pth next to point_cloud) and E-D3DGS, checkpoints of native 4D Gaussians (chkpnt*.pth) and FreeTimeGS (.pt, .ftgs.ply), PLYs of Spacetime Gaussians, params.npz of Dynamic 3D Gaussians, numbered frames in a folder or zip archive, .splatv, .splat4d, .4dgs and .tsog clips, single frames (PLY, compressed PLY, .splat, .spz, .sog, .glb, or the folder of a 3DGS model), its own runs, and cameras of data sets.";
 
 /// Next step for a PLY that is not a Gaussian scene.
 const OTHER_PLY: &str = "Export a PLY of 3D Gaussians from the program that made this one, or \
@@ -61,13 +61,13 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
         }
         SceneKind::Unknown { .. } if is_json(path) => camera_set(path)?,
         SceneKind::Unsupported(format) => {
-            let mut report = Report::new(path, &kind);
+            let mut report = InfoReport::new(path, &kind);
             report.add("next", json!(within(path).unwrap_or_else(|| format.next.to_owned())));
             report
         }
         other => {
-            if let Some((lines, next)) = products::of_folder(path) {
-                show(&products_of(path, &lines, next), console);
+            if let Some((lines, next)) = unsupported_files::of_folder(path) {
+                show(&unsupported_report(path, &lines, next), console);
                 return Ok(());
             }
             let failure = Failure::bad_input(format!("{}: {other}", path.display()));
@@ -83,7 +83,7 @@ fn report(args: &InfoArgs, global: &Global, console: &Console) -> Outcome {
     Ok(())
 }
 
-fn show(report: &Report, console: &Console) {
+fn show(report: &InfoReport, console: &Console) {
     console.report(|| report.json());
     console.result(report.text());
 }
@@ -103,7 +103,7 @@ fn within(path: &Path) -> Option<String> {
     let kind = gs_io::detect(folder).ok()?;
     Some(match kind {
         SceneKind::Cameras(_) => format!(
-            "Beside it are cameras ({kind}): c4d info {} shows the folder.",
+            "Cameras ({kind}) are next to it: c4d info {} shows the folder.",
             folder.display()
         ),
         _ => format!("It is part of a {kind}: c4d info {}.", folder.display()),
@@ -117,11 +117,11 @@ fn is_list(name: &str) -> bool {
 
 /// Entries in display order.
 #[derive(Default)]
-struct Report {
+struct InfoReport {
     lines: Vec<(String, Value)>,
 }
 
-impl Report {
+impl InfoReport {
     fn new(path: &Path, kind: &SceneKind) -> Self {
         let mut report = Self { lines: Vec::new() };
         report.add("path", json!(path.display().to_string()));
@@ -160,12 +160,12 @@ impl Report {
     }
 }
 
-fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<Report> {
+fn frame(path: &Path, kind: &SceneKind, axes: Option<AxesArg>) -> Outcome<InfoReport> {
     let mut frame = gs_io::frame::read_file(path).map_err(|error| scene::bad_input(&error))?;
     if let Some(axes) = axes {
         frame = frame.in_axes(axes.axes());
     }
-    let mut report = Report::new(path, kind);
+    let mut report = InfoReport::new(path, kind);
     let file = gs_io::frame::file_of(path);
     if file != path {
         report.add("file", json!(file.display().to_string()));
@@ -207,7 +207,8 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     let mean = median(|row| row.means.into_iter().fold(0.0, f32::max));
     let size = median(|row| row.log_scales.into_iter().fold(0.0, f32::max));
     let angle = median(|row| row.rotation_rad).to_degrees();
-    let places = if mean > 0.0 { format!("within {mean:.1e} units") } else { "exact".to_owned() };
+    let positions =
+        if mean > 0.0 { format!("within {mean:.1e} units") } else { "exact".to_owned() };
     let sizes = if size > 0.0 {
         format!("within {:.1} %", 100.0 * size.exp_m1())
     } else {
@@ -217,14 +218,14 @@ fn precision_of(precision: &Precision, rows: usize) -> String {
     let opacity = steps(|row| row.opacity);
     let color = steps(|row| C0 * row.sh_dc.into_iter().fold(0.0, f32::max));
     format!(
-        "median: positions {places}, sizes {sizes}, rotations within {angle:.1}°, opacities within {opacity} and base colours within {color} of 255 steps"
+        "median: positions {positions}, sizes {sizes}, rotations within {angle:.1}°, opacities within {opacity} and base colours within {color} of 255 steps"
     )
 }
 
 /// Cameras of a data set: numbers, times, sizes, and assumptions.
-fn camera_set(path: &Path) -> Outcome<Report> {
+fn camera_set(path: &Path) -> Outcome<InfoReport> {
     let set = cameras::open(path, Reading::Trained).map_err(|error| scene::bad_input(&error))?;
-    let mut report = Report::new(path, &SceneKind::Cameras(set.format));
+    let mut report = InfoReport::new(path, &SceneKind::Cameras(set.format));
     if set.path != path {
         report.add("data set", json!(set.path.display().to_string()));
     }
@@ -287,8 +288,8 @@ fn parts(path: &Path) -> Vec<(String, SceneKind)> {
     entries.iter().take(MAX_PARTS).filter_map(known).collect()
 }
 
-fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
-    let mut report = Report::default();
+fn unsupported_report(path: &Path, lines: &[String], next: &str) -> InfoReport {
+    let mut report = InfoReport::default();
     report.add("path", json!(path.display().to_string()));
     report.add("kind", json!("folder with no supported files"));
     for line in lines {
@@ -298,8 +299,8 @@ fn products_of(path: &Path, lines: &[String], next: &str) -> Report {
     report
 }
 
-fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
-    let mut report = Report::default();
+fn folder(path: &Path, parts: &[(String, SceneKind)]) -> InfoReport {
+    let mut report = InfoReport::default();
     report.add("path", json!(path.display().to_string()));
     let several = parts.len() > 1;
     report.add("kind", json!(if several { "folder with several inputs" } else { "folder" }));
@@ -313,14 +314,14 @@ fn folder(path: &Path, parts: &[(String, SceneKind)]) -> Report {
             "Each file is a separate frame: SOG sorts the splats of every frame separately, so \
             rows do not persist. Export the sequence as PLY."
         } else {
-            "Run c4d info on one of these paths for details, and give that path to other commands."
+            "Run c4d info on one of these paths for details, and use that path in other commands."
         }),
     );
     report
 }
 
-fn dynamic(opened: &Opened) -> Outcome<Report> {
-    let mut report = Report::new(&opened.path, &opened.kind);
+fn dynamic(opened: &LoadedScene) -> Outcome<InfoReport> {
+    let mut report = InfoReport::new(&opened.path, &opened.kind);
     for (name, value) in &opened.facts {
         // Counts are numbers in JSON.
         let number =
@@ -359,7 +360,7 @@ fn cameras_of_model(path: &Path) -> String {
     }
 }
 
-fn describe(report: &mut Report, splats: Splats) {
+fn describe(report: &mut InfoReport, splats: Splats) {
     report.add("splats", json!(splats.len()));
     report.add("sh_degree", json!(splats.sh_degree));
     if let Some((min, max)) = splats.bounds() {

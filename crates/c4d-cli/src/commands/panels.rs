@@ -11,10 +11,10 @@ use gs_deform::StaticScene;
 /// Size of each image, pixels.
 const PANEL: (u32, u32) = (640, 480);
 /// Size of the images used to choose the view, pixels.
-const SCOUT: (u32, u32) = (160, 120);
+const CANDIDATE_SIZE: (u32, u32) = (160, 120);
 /// Number of candidate views around an object.
 const VIEWS: usize = 8;
-/// Another view is chosen only if the front view shows less than this
+/// A different view is chosen only if the front view shows less than this
 /// share of the marked splats that the other shows.
 const FRONT_SHARE: f64 = 0.5;
 
@@ -64,7 +64,7 @@ pub(super) fn view(
     };
     let marked = in_colors(splats, |row| [f32::from(u8::from(is_marked(row))); 3]);
     let mut shown = Vec::new();
-    for camera in views(SCOUT) {
+    for camera in views(CANDIDATE_SIZE) {
         let image = render(marked.clone(), &camera, [0.0; 3], device)?;
         shown.push(image.data.iter().map(|&value| f64::from(value)).sum::<f64>());
     }

@@ -14,7 +14,7 @@ use crate::field::NetworkField;
 use crate::lifetimes::Lifetimes;
 use crate::output::{existing, output_failure, refuse_overlap};
 use crate::run_folder::{self, Checkpoint};
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::settings::{PropagateJob, RefineSettings, Settings};
 use crate::stages::Stages;
 use crate::{frames, memory, placement};
@@ -30,7 +30,7 @@ use std::time::Instant;
 const BYTES_PER_SPLAT: u64 = 1536;
 /// Additional memory per splat of the source for `--follow surface`: 65 key times of 16 bytes,
 /// and carriers.
-const BYTES_PER_LIFE: u64 = 2048;
+const BYTES_PER_LIFETIME: u64 = 2048;
 
 pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> Outcome {
     let settings = Settings::read(args.config.as_deref())?;
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &PropagateArgs, global: &Global, console: &Console) -> O
     if !args.no_refine {
         console.note("motion is written; refining colours (after an interruption, c4d refine RUN --resume continues)");
         let (preset, settings) = refinement(args)?;
-        let begun = Checkpoint::anew(preset, settings, &args.refine);
+        let begun = Checkpoint::new(preset, settings, &args.refine);
         refine::refine(&args.output, begun, global, console)?;
     }
     console.note(format!(
@@ -108,7 +108,7 @@ pub(crate) fn propagate(
     drop(stages);
     let seconds = motion.elapsed().as_secs_f64();
     messages::report(&propagation.report, args.motion, seconds, console);
-    messages::warn_if_still(args, &propagation, console);
+    messages::warn_if_static(args, &propagation, console);
     let (source, options, propagation) = (&source, &options, &propagation);
     let finished =
         Finished { args, recorded, global, source, options, follow, propagation, seconds };
@@ -119,7 +119,7 @@ pub(crate) fn propagate(
 }
 
 /// Whether to follow splats or surfaces: as requested, else chosen by the lifetimes of the splats.
-fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<FollowArg> {
+fn follow(args: &PropagateJob, source: &LoadedScene, console: &Console) -> Outcome<FollowArg> {
     if args.follow == Some(FollowArg::Surface) && args.baseline == Some(BaselineArg::Deformnet) {
         return Err(Failure::usage(
             "--follow surface does not apply to --baseline deformnet, which evaluates the network at the edited splats",
@@ -128,10 +128,11 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
     // Published methods follow splats.
-    let usual =
-        args.preset == PresetArg::Best && args.baseline.is_none() && args.motion == MotionArg::Amg;
+    let usual = args.preset == PresetArg::Best
+        && args.baseline.is_none()
+        && args.motion == MotionArg::Edited;
     let follow = match (args.follow, &lifetimes) {
-        (Some(asked), _) => asked,
+        (Some(requested), _) => requested,
         (None, Some(_)) if usual => FollowArg::Surface,
         (None, _) => FollowArg::Splats,
     };
@@ -147,7 +148,7 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     Ok(follow)
 }
 
-fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
+fn options(args: &PropagateJob, source: &LoadedScene) -> Outcome<MotionOptions> {
     let mut options = match (args.baseline, args.preset) {
         (Some(BaselineArg::Knn), _) => MotionOptions::preset(Preset::Knn),
         (Some(BaselineArg::Deformnet), _) => {
@@ -168,7 +169,7 @@ fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
     if let MotionGuide::Paper(params) = &mut options.guide {
         params.anchors.seed = args.seed;
     }
-    options.identity.enabled = args.motion == MotionArg::Amg;
+    options.identity.enabled = args.motion == MotionArg::Edited;
     args.settings.apply(&mut options)?;
     Ok(options)
 }
@@ -182,10 +183,11 @@ fn refinement(args: &PropagateJob) -> Outcome<(PresetArg, RefineSettings)> {
 /// Refuses an edit that does not fit into memory.
 fn require_memory(sources: usize, edited: usize, follow: FollowArg) -> Outcome {
     let splats = (sources + edited) as u64;
-    let lives = if follow == FollowArg::Surface { sources as u64 * BYTES_PER_LIFE } else { 0 };
+    let lifetimes =
+        if follow == FollowArg::Surface { sources as u64 * BYTES_PER_LIFETIME } else { 0 };
     memory::require(
         &format!("propagating {splats} splats"),
-        splats * BYTES_PER_SPLAT + lives,
+        splats * BYTES_PER_SPLAT + lifetimes,
         "Close other programs, use a machine with more memory, or edit a scene with fewer splats.",
     )
 }

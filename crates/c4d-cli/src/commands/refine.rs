@@ -71,7 +71,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
             Some(preset) => preset,
             None => settings.preset()?.unwrap_or(PresetArg::Best),
         };
-        Checkpoint::anew(preset, settings, &flags)
+        Checkpoint::new(preset, settings, &flags)
     };
     if let (Some(share), Some(output)) = (args.part, &args.output) {
         return part::write((&args.run, output), share, &begun, global, console);
@@ -113,11 +113,11 @@ fn resumed(args: &RefineArgs, checkpoint: Checkpoint, console: &Console) -> Outc
     }
     if !other.is_empty() {
         return Err(Failure::usage(format!(
-            "{}: the unfinished refinement has another {}",
+            "{}: the unfinished refinement has a different {}",
             args.run.display(),
             other.join(", ")
         ))
-        .next("Leave these flags out: --resume takes them from the checkpoint. Without --resume the refinement starts again."));
+        .next("Omit these flags: --resume takes them from the checkpoint. Without --resume the refinement starts again."));
     }
     let step = state.as_ref().map_or(0, |state| state.step);
     console.note(format!("continuing from step {step} with the flags of the checkpoint"));

@@ -1,14 +1,14 @@
 //! `c4d render`: images and videos of a scene or run.
 
 mod losses;
-mod shot;
+mod render_job;
 mod stills;
 mod views;
 
-pub(crate) use shot::{Shot, layers};
+pub(crate) use render_job::{RenderJob, layers};
 pub(crate) use views::{Views, cropped, views};
 
-use super::export::say;
+use super::export::note_losses;
 use crate::args::{Format, Global, LeftHalf, Pass, RenderArgs};
 use crate::console::Console;
 use crate::device::Device;
@@ -18,7 +18,7 @@ use crate::frames::{self, Timing};
 use crate::output::{existing, refuse_overlap};
 use crate::part::PartRecord;
 use crate::run_folder::fingerprint;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::{clip_file, memory, still};
 use amg::EditedScene;
 use gs_core::{Camera, DynamicScene};
@@ -45,14 +45,14 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         return Err(Failure::usage(
             "--side-by-side compares a run with its source; this scene is not a run",
         )
-        .next("Give the run folder that c4d propagate wrote."));
+        .next("Specify the run folder that c4d propagate wrote."));
     }
     let format = args.format.map_or_else(|| format_of(&args.output), Ok)?;
     clip_file::check_format(format)?;
     let playing = clip_file::plays(format);
     if args.part.is_some() && (playing || format == Format::Sheet) {
         return Err(Failure::usage("--part writes a folder of images, not one file")
-            .next("Give -o FOLDER without --format; c4d gather joins the folders of all parts into a video or sheet."));
+            .next("Use -o FOLDER without --format; c4d gather joins the folders of all parts into a video or sheet."));
     }
     if !playing && args.part.is_none() && (args.fps.is_some() || args.duration.is_some()) {
         return Err(Failure::usage("--fps and --duration are for videos: mp4, webp and gif"));
@@ -79,13 +79,13 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
     };
     let layers = layers(&args.passes, &opened, console)?;
     for (_, layer) in &layers {
-        say_legend(&layer.overlay, console);
+        note_legend(&layer.overlay, console);
     }
     let unrefined = match args.side_by_side {
         Some(LeftHalf::Unrefined) => Some(unrefined(&args.scene, global, console)?),
         _ => None,
     };
-    let shot = Shot {
+    let job = RenderJob {
         scene: opened.scene.as_ref(),
         edit_time: opened.edit_time,
         mask: opened.mask,
@@ -103,19 +103,19 @@ pub(crate) fn run(args: &RenderArgs, global: &Global, console: &Console) -> Outc
         device: &device,
         console,
     };
-    console.detail(format!("rendering on {}", shot.device.describe()));
+    console.detail(format!("rendering on {}", job.device.describe()));
     match format {
-        Format::Mp4 | Format::Webp | Format::Gif => clip(args, fps, global, &shot, format),
-        Format::Sheet => sheet(args, global, &shot),
+        Format::Mp4 | Format::Webp | Format::Gif => clip(args, fps, global, &job, format),
+        Format::Sheet => sheet(args, global, &job),
         Format::Png | Format::Exr | Format::Npy | Format::Flo => {
             let part = match args.part {
                 Some(share) => {
-                    let work = work(args, fps, format, &opened, &shot)?;
+                    let work = work(args, fps, format, &opened, &job)?;
                     Some(PartRecord::new(share, work))
                 }
                 None => None,
             };
-            stills(args, global, &shot, format, part)
+            stills(args, global, &job, format, part)
         }
     }
 }
@@ -125,35 +125,35 @@ fn work(
     args: &RenderArgs,
     fps: f64,
     format: Format,
-    opened: &Opened,
-    shot: &Shot<'_>,
+    opened: &LoadedScene,
+    job: &RenderJob<'_>,
 ) -> Outcome<Map<String, Value>> {
     let camera = |camera: &Camera| {
         let k = &camera.intrinsics;
         json!([camera.name, camera.width, camera.height, camera.viewmat, k.fx, k.fy, k.cx, k.cy])
     };
-    let moves = matches!(shot.views, Views::Path(_));
-    let views = shot.views.cameras();
+    let moves = matches!(job.views, Views::Path(_));
+    let views = job.views.cameras();
     let passes: Vec<&str> = args.passes.iter().map(|pass| pass.name()).collect();
     let facts = [
         ("command", json!("render")),
         ("scene", json!(fingerprint(&opened.files)?)),
         ("axes", json!(args.axes.map(|axes| format!("{axes:?}")))),
-        ("times", json!(shot.times)),
+        ("times", json!(job.times)),
         ("moving camera", json!(moves)),
         ("cameras", views.iter().map(camera).collect()),
         ("passes", json!(passes)),
         ("format", json!(format)),
         ("side by side", json!(args.side_by_side.map(|left| format!("{left:?}")))),
-        ("background", json!(shot.background)),
+        ("background", json!(job.background)),
         ("frame rate", json!(fps)),
-        ("device", json!(shot.device.describe())),
+        ("device", json!(job.device.describe())),
     ];
     Ok(facts.map(|(name, value)| (name.to_owned(), value)).into_iter().collect())
 }
 
 /// Prints the meaning of an overlay's colours.
-fn say_legend(overlay: &Overlay, console: &Console) {
+fn note_legend(overlay: &Overlay, console: &Console) {
     let color = |entry: u8| {
         let [r, g, b] = overlay.palette[usize::from(entry)];
         format!("#{r:02x}{g:02x}{b:02x}")
@@ -193,7 +193,7 @@ pub(super) fn format_of(output: &Path) -> Outcome<Format> {
             "{}: a {name} file contains one image, but there are several to write",
             output.display()
         ))
-        .next(format!("Give a folder: --format {name} -o FOLDER."))),
+        .next(format!("Use a folder: --format {name} -o FOLDER."))),
         Some(name) if name.len() < 5 && !name.bytes().any(|byte| byte.is_ascii_digit()) => {
             Err(Failure::usage(format!("unsupported format `{name}`; expected png, exr, npy, flo, mp4, webp, gif or sheet"))
                 .next("Videos are .mp4, .webp or .gif. Images go into a folder (use --format png for a folder with a dot in its name)."))
@@ -202,8 +202,8 @@ pub(super) fn format_of(output: &Path) -> Outcome<Format> {
     }
 }
 
-fn single_view(shot: &Shot<'_>, what: &str) -> Outcome {
-    if let Views::Fixed(cameras) = shot.views
+fn single_view(job: &RenderJob<'_>, what: &str) -> Outcome {
+    if let Views::Fixed(cameras) = job.views
         && cameras.len() > 1
     {
         return Err(Failure::usage(format!(
@@ -213,7 +213,7 @@ fn single_view(shot: &Shot<'_>, what: &str) -> Outcome {
         .next("Choose one with --views NAME."));
     }
     let size = |camera: &Camera| (camera.width, camera.height);
-    let mut cameras = shot.views.cameras().iter().map(size);
+    let mut cameras = job.views.cameras().iter().map(size);
     if let Some(first) = cameras.next()
         && let Some(other) = cameras.find(|other| *other != first)
     {
@@ -234,39 +234,45 @@ fn rgb_only(args: &RenderArgs, what: &str) -> Outcome {
         .next("For other passes use --format png, exr or npy."))
 }
 
-/// Renders the shot to a video or an animated image.
-fn clip(args: &RenderArgs, fps: f64, global: &Global, shot: &Shot<'_>, format: Format) -> Outcome {
-    single_view(shot, "a video")?;
+/// Renders the job to a video or an animated image.
+fn clip(
+    args: &RenderArgs,
+    fps: f64,
+    global: &Global,
+    job: &RenderJob<'_>,
+    format: Format,
+) -> Outcome {
+    single_view(job, "a video")?;
     rgb_only(args, "a video")?;
     let to = (args.output.as_path(), existing(global));
     clip_file::write(to, format, fps, |push| {
-        shot.render(|exposure| push(&exposure.image(Pass::Rgb)))
+        job.render(|exposure| push(&exposure.image(Pass::Rgb)))
     })?;
-    shot.console.note(frames::playing(shot.times.len(), fps));
-    say(&losses(format, args, shot.times.len(), fps), shot.console);
-    shot.console.output(&args.output, &[]);
+    job.console.note(frames::playing(job.times.len(), fps));
+    note_losses(&losses(format, args, job.times.len(), fps), job.console);
+    job.console.output(&args.output, &[]);
     Ok(())
 }
 
-fn sheet(args: &RenderArgs, global: &Global, shot: &Shot<'_>) -> Outcome {
-    single_view(shot, "a contact sheet")?;
+fn sheet(args: &RenderArgs, global: &Global, job: &RenderJob<'_>) -> Outcome {
+    single_view(job, "a contact sheet")?;
     rgb_only(args, "a contact sheet")?;
-    write_sheet((&args.output, existing(global)), shot)?;
-    say(&losses(Format::Sheet, args, shot.times.len(), 0.0), shot.console);
-    shot.console.output(&args.output, &[]);
+    write_sheet((&args.output, existing(global)), job)?;
+    note_losses(&losses(Format::Sheet, args, job.times.len(), 0.0), job.console);
+    job.console.output(&args.output, &[]);
     Ok(())
 }
 
-/// Renders evenly spaced frames of the shot onto one PNG.
-pub(crate) fn write_sheet(to: (&Path, Existing), shot: &Shot<'_>) -> Outcome {
-    let picks = clip_file::sheet_frames(shot.times.len());
-    let times: Vec<f32> = picks.iter().map(|&i| shot.times[i]).collect();
-    let views = match shot.views {
+/// Renders evenly spaced frames of the job onto one PNG.
+pub(crate) fn write_sheet(to: (&Path, Existing), job: &RenderJob<'_>) -> Outcome {
+    let picks = clip_file::sheet_frames(job.times.len());
+    let times: Vec<f32> = picks.iter().map(|&i| job.times[i]).collect();
+    let views = match job.views {
         Views::Fixed(cameras) => Views::Fixed(cameras.clone()),
         Views::Path(cameras) => Views::Path(picks.iter().map(|&i| cameras[i].clone()).collect()),
     };
     clip_file::write_sheet(to, |push| {
-        Shot { times: &times, views: &views, ..*shot }
+        RenderJob { times: &times, views: &views, ..*job }
             .render(|exposure| push(&exposure.image(Pass::Rgb)))
     })
 }

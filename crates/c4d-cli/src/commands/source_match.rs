@@ -5,7 +5,7 @@
 use crate::console::Console;
 use crate::failure::{Failure, Outcome, chain};
 use crate::frames;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::PropagateJob;
 use amg::{Identity, IdentityMap, IdentityParams};
 use gs_core::image_formation::ALPHA_THRESHOLD;
@@ -14,7 +14,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Largest distance between the centres of edit and source, in source
-/// sizes; a larger one means another scene.
+/// sizes; a larger one means a different scene.
 const FAR: f64 = 3.0;
 /// Largest ratio of the sizes of edit and source, either way; a larger one means other units.
 const LARGER: f64 = 50.0;
@@ -24,14 +24,14 @@ const CANONICAL_SHARE: f64 = 0.5;
 /// Share of matching splats, of the edit or of the scene, above which the file is an edit of the
 /// scene, regardless of the others.
 const SAME_SCENE: f64 = 0.1;
-/// Share of matches at another time above which the edit is of that time.
+/// Share of matches at a different time above which the edit is of that time.
 const SAME_TIME: f64 = 0.5;
 /// Number of unmatched rows compared at other times, spread evenly over
 /// the file; determines the share to within 4 %.
 const SAMPLED_ROWS: usize = 500;
 /// Smallest number of unmatched rows for a comparison with other times.
 const FEW_ROWS: usize = 20;
-/// In an edit of another time, the numbers of missing and of unmatched splats are similar (the
+/// In an edit of a different time, the numbers of missing and of unmatched splats are similar (the
 /// moving ones). Largest difference, as a share.
 const EXCHANGED: f64 = 0.2;
 /// Largest number of other times examined.
@@ -39,12 +39,12 @@ const OTHER_TIMES: usize = 64;
 /// Side of the cells for the comparison with other times, as a share of the scene's size.
 const CELL: f64 = 0.005;
 
-/// Refuses files that belong to another scene, time or frame of reference.
+/// Refuses files that belong to a different scene, time or frame of reference.
 /// Returns the edited splats in the scene's frame, with missing splats added if
 /// the flags request it, and adapts `params` to them.
 pub(crate) fn fit(
     args: &PropagateJob,
-    source: &Opened,
+    source: &LoadedScene,
     frame: &Splats,
     edited: Splats,
     params: &mut IdentityParams,
@@ -128,11 +128,11 @@ fn undo(
     .next("--align undoes it, with the result in the scene's own frame; --allow-far keeps it."))
 }
 
-/// Refuses an edit of another time: most splats that do not match the
-/// scene at the given time match it at another time.
+/// Refuses an edit of a different time: most splats that do not match the
+/// scene at the given time match it at a different time.
 fn refuse_other_time(
     args: &PropagateJob,
-    source: &Opened,
+    source: &LoadedScene,
     edited: &Splats,
     map: &IdentityMap,
     params: &IdentityParams,
@@ -203,8 +203,8 @@ impl Cells {
         for mean in &splats.means {
             let middle = cells.of(*mean);
             for offset in 0..27_i64 {
-                let beside = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
-                cells.occupied.insert([0, 1, 2].map(|k| middle[k].saturating_add(beside[k])));
+                let offset_cell = [offset % 3 - 1, offset / 3 % 3 - 1, offset / 9 - 1];
+                cells.occupied.insert([0, 1, 2].map(|k| middle[k].saturating_add(offset_cell[k])));
             }
         }
         cells
@@ -223,7 +223,7 @@ impl Cells {
 
 /// Candidate times of an edit: the scene's frames, or, for continuous
 /// scenes, round numbers in order of simplicity.
-fn other_times(source: &Opened, given: f32) -> Vec<f32> {
+fn other_times(source: &LoadedScene, given: f32) -> Vec<f32> {
     let range = source.scene.time_range();
     let mut times = if let Some(count) = source.scene.num_frames() {
         let all = range.frames(count);
@@ -284,7 +284,7 @@ fn refuse_other_scene(
 fn refuse_canonical(
     args: &PropagateJob,
     identity: &IdentityParams,
-    source: &Opened,
+    source: &LoadedScene,
     frame: &Splats,
     edited: &Splats,
 ) -> Outcome {
@@ -332,7 +332,7 @@ fn complete(
             return Err(Failure::usage(format!(
                 "--keep-rest: no splat of {file} matches the scene at time {time}, so there is nothing to add"
             ))
-            .next("Omit --keep-rest, or give the time at which the selection was saved with \
+            .next("Omit --keep-rest, or specify the time at which the selection was saved with \
                   --time."));
         }
         return Ok(edited);
@@ -400,7 +400,7 @@ fn appended(
 
 /// Median centre, and the radius that contains 90 % of the splats, world units. Every splat counts
 /// equally, unlike in [`gs_core::Extent`], which weighs splats by size: deleting a backdrop of few
-/// large splats must not look like another scene.
+/// large splats must not look like a different scene.
 fn ball_of_most_splats(splats: &Splats) -> Option<([f64; 3], f64)> {
     let finite: Vec<[f64; 3]> = splats
         .means

@@ -16,7 +16,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames::Timing;
 use crate::output::existing;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::still;
 use gs_player::{Page, PageScenes};
 use guard::Token;
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     let page = page(&scenes, fps, args)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port)).map_err(|error| {
         Failure::failed(format!("cannot listen on 127.0.0.1:{}: {error}", args.port))
-            .next("Leave out --port to use a free one.")
+            .next("Omit --port to use a free one.")
     })?;
     let port = listener.local_addr().map_err(Failure::failed)?.port();
     let token = Token::random()?;
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &ViewArgs, global: &Global, console: &Console) -> Outcom
     };
     SERVING.store(true, Ordering::Relaxed);
     console.result(&address);
-    console.note("Ctrl-C ends it");
+    console.note("press Ctrl-C to stop");
     if browser::is_remote() {
         console.note(format!(
             "from your machine: ssh -L {port}:127.0.0.1:{port} HOST, then open the same address"
@@ -148,20 +148,20 @@ fn serve(mut stream: TcpStream, session: &Session<'_>, token: &Token) {
 }
 
 /// Refuses overlays that apply to none of the scenes.
-fn check_overlays(args: &ViewArgs, scenes: &[Opened]) -> Outcome {
+fn check_overlays(args: &ViewArgs, scenes: &[LoadedScene]) -> Outcome {
     let has_run = scenes.iter().any(|opened| opened.binding.is_some());
     match args.overlay.iter().find(|kind| kind.needs_run() && !has_run) {
         Some(kind) => Err(Failure::usage(format!(
             "the overlay `{}` compares a run with its source; no SCENE is a run",
             kind.name()
         ))
-        .next("Give a run folder that c4d propagate wrote, or choose parts or motion.")),
+        .next("Specify a run folder that c4d propagate wrote, or choose parts or motion.")),
         None => Ok(()),
     }
 }
 
 /// Number of frames, by default that of the first dynamic scene, and their rate.
-fn timing(args: &ViewArgs, scenes: &[Opened]) -> Outcome<(usize, f64)> {
+fn timing(args: &ViewArgs, scenes: &[LoadedScene]) -> Outcome<(usize, f64)> {
     let timing = Timing { frames: args.frames, fps: args.fps, ..Timing::default() };
     timing.check()?;
     let moving = scenes.iter().find(|opened| !opened.kind.is_frame());

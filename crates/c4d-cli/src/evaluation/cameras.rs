@@ -4,7 +4,7 @@ use crate::args::{SplitArg, Up};
 use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
 use gs_io::cameras::stations;
@@ -37,7 +37,7 @@ pub(crate) struct Viewpoints {
     /// Origin of the views, for the record: `rig` or `cameras`.
     pub(crate) origin: String,
     /// Views of the data set with their own times, used to find photographs.
-    pub(crate) shots: Vec<Camera>,
+    pub(crate) timed_cameras: Vec<Camera>,
     /// The file or folder, absolute.
     pub(crate) path: Option<PathBuf>,
 }
@@ -47,7 +47,7 @@ pub(crate) struct Viewpoints {
 /// set, else those of the scene.
 pub(crate) fn viewpoints(
     flags: &ViewFlags<'_>,
-    opened: &Opened,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<Viewpoints> {
     let scene = opened.scene.as_ref();
@@ -65,7 +65,7 @@ pub(crate) fn viewpoints(
             cameras: rig.views(RIG_VIEWS, flags.size.unwrap_or(RIG_SIZE)),
             times: frames::times(scene, flags.times, flags.frames)?,
             origin: "rig".to_owned(),
-            shots: Vec::new(),
+            timed_cameras: Vec::new(),
             path: None,
         });
     };
@@ -80,20 +80,20 @@ pub(crate) fn viewpoints(
             path.display()
         ))
         .next(
-            "Give a data set or a cameras.json; without --cameras, a rig around the scene is used.",
+            "Specify a data set or a cameras.json; without --cameras, a rig around the scene is used.",
         ));
     }
     let set = cameras::open(path, None, opened, console)?;
-    let mut shots = if flags.views.is_empty() {
+    let mut timed_cameras = if flags.views.is_empty() {
         cameras::of_split(&set, flags.split)?
     } else {
         let among = cameras::of_split(&set, Some(flags.split.unwrap_or(SplitArg::All)))?;
         cameras::by_name(&among, flags.views, &path.display().to_string())?
     };
     if let Some((width, height)) = flags.size {
-        shots = shots.iter().map(|camera| camera.resized(width, height)).collect();
+        timed_cameras = timed_cameras.iter().map(|camera| camera.resized(width, height)).collect();
     }
-    let mut views = stations(shots.iter());
+    let mut views = stations(timed_cameras.iter());
     let count = views.len();
     if flags.views.is_empty() && flags.split.is_none() && count > MAX_VIEWS {
         views = cameras::thinned(views, MAX_VIEWS);
@@ -105,8 +105,11 @@ pub(crate) fn viewpoints(
         camera.check().map_err(Failure::input)?;
     }
     let range = scene.time_range();
-    let mut own: Vec<f32> =
-        shots.iter().filter_map(|camera| camera.time).filter(|&t| range.contains(t)).collect();
+    let mut own: Vec<f32> = timed_cameras
+        .iter()
+        .filter_map(|camera| camera.time)
+        .filter(|&t| range.contains(t))
+        .collect();
     own.sort_unstable_by(f32::total_cmp);
     own.dedup();
     let times = if has_times || own.len() < 2 {
@@ -115,5 +118,11 @@ pub(crate) fn viewpoints(
         own
     };
     let path = std::path::absolute(path).map_err(Failure::failed)?;
-    Ok(Viewpoints { cameras: views, times, origin: "cameras".to_owned(), shots, path: Some(path) })
+    Ok(Viewpoints {
+        cameras: views,
+        times,
+        origin: "cameras".to_owned(),
+        timed_cameras,
+        path: Some(path),
+    })
 }

@@ -31,26 +31,26 @@ pub(crate) fn matches(subject: &Subject<'_>, report: &Value) -> Outcome<Vec<Item
         (0..kinds.len()).filter(|&row| kinds[row] == RowKind::Blended).collect();
     let placed = |kind: &RowKind| matches!(kind, RowKind::Moved | RowKind::Copied);
     let open = kinds.iter().filter(|kind| !kind.is_exact() && !placed(kind)).count();
-    let places: Vec<[f32; 3]> = blended.iter().map(|&row| edit.frame.means[row]).collect();
+    let positions: Vec<[f32; 3]> = blended.iter().map(|&row| edit.frame.means[row]).collect();
     let distance = |a: [f32; 3], b: [f32; 3]| {
         (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
     };
-    let near: Vec<f64> = nearest(&places, &source.means)
+    let near: Vec<f64> = nearest(&positions, &source.means)
         .unwrap_or_default()
         .iter()
-        .zip(&places)
-        .map(|(&id, &place)| distance(place, source.means[id as usize]))
+        .zip(&positions)
+        .map(|(&id, &position)| distance(position, source.means[id as usize]))
         .collect();
     let rows: Vec<Vec<Match>> = blended
         .iter()
         .map(|&row| {
             let (ids, weights) = edit.binding.row(row);
-            let place = edit.frame.means[row];
+            let position = edit.frame.means[row];
             ids.iter()
                 .zip(weights)
                 .map(|(&id, &weight)| Match {
                     weight: f64::from(weight),
-                    distance: distance(place, source.means[id as usize]),
+                    distance: distance(position, source.means[id as usize]),
                 })
                 .collect()
         })

@@ -84,7 +84,7 @@ impl Networks {
     pub(crate) fn open(folder: &Path, console: &Console) -> Outcome<Self> {
         let entries = std::fs::read_dir(folder).map_err(|error| {
             Failure::bad_input(format!("--weights {}: {error}", folder.display()))
-                .next("Give a folder with weights; docs/EVALUATION.md names the files.")
+                .next("Specify a folder with weights; docs/EVALUATION.md lists the files.")
         })?;
         let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         paths.sort();

@@ -21,7 +21,7 @@ const SAME_TIME: f32 = 1e-4;
 #[derive(Debug)]
 pub(crate) struct Photos {
     /// Camera (with time) of each photograph, and its file.
-    shots: Vec<(Camera, PathBuf)>,
+    photographs: Vec<(Camera, PathBuf)>,
 }
 
 impl Photos {
@@ -34,7 +34,7 @@ impl Photos {
             .iter()
             .map(|file| (parts(file.strip_prefix(folder).unwrap_or(file)), file))
             .collect();
-        let shots: Vec<(Camera, PathBuf)> = cameras
+        let photographs: Vec<(Camera, PathBuf)> = cameras
             .iter()
             .filter_map(|camera| {
                 let name = parts(Path::new(&camera.name));
@@ -43,7 +43,7 @@ impl Photos {
                 found.map(|(_, file)| (camera.clone(), (*file).clone()))
             })
             .collect();
-        if shots.is_empty() {
+        if photographs.is_empty() {
             let names: Vec<&str> = cameras.iter().take(3).map(|c| c.name.as_str()).collect();
             return Err(Failure::bad_input(format!(
                 "--truth {}: none of its {} images has the name of a view ({} …)",
@@ -51,14 +51,14 @@ impl Photos {
                 files.len(),
                 names.join(", ")
             ))
-            .next("Give the folder of the data set given with --cameras."));
+            .next("Use the folder of the data set passed with --cameras."));
         }
-        Ok(Self { shots })
+        Ok(Self { photographs })
     }
 
     /// Number of photographs found.
     pub(crate) fn len(&self) -> usize {
-        self.shots.len()
+        self.photographs.len()
     }
 
     /// The photograph of a view at time `t`, in the view's size.
@@ -68,7 +68,7 @@ impl Photos {
                 || camera.name.strip_prefix(&view.name).is_some_and(|rest| rest.starts_with('/'));
             station && camera.time.is_none_or(|time| (time - t).abs() < SAME_TIME)
         };
-        let Some((_, file)) = self.shots.iter().find(|(camera, _)| is_of(camera)) else {
+        let Some((_, file)) = self.photographs.iter().find(|(camera, _)| is_of(camera)) else {
             return Ok(None);
         };
         let refused = |error: &dyn std::fmt::Display| {
@@ -143,6 +143,6 @@ mod tests {
         assert!(at("cam00/images/0007.png").ends_with(&at("cam00/0007")), "DyNeRF");
         assert!(at("test/r_003.png").ends_with(&at("./test/r_003")), "D-NeRF");
         assert!(at("rgb/2x/000012.png").ends_with(&at("000012")), "HyperNeRF");
-        assert!(!at("cam01/images/0007.png").ends_with(&at("cam00/0007")), "another camera");
+        assert!(!at("cam01/images/0007.png").ends_with(&at("cam00/0007")), "a different camera");
     }
 }

@@ -276,17 +276,17 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
 
         let forth = moved(&source.now, &source.after, camera)?;
         let back = moved(&source.now, &source.before, camera)?;
-        let home = moved(&source.now, &self.first_source, camera)?;
+        let to_edit = moved(&source.now, &self.first_source, camera)?;
         let features: Vec<f32> = (0..forth.len())
             .flat_map(|row| {
                 let touched = mark(known.map(|edit| &edit.touched_source), row);
-                let ([a, b], [c, d], [e, f]) = (forth[row], back[row], home[row]);
+                let ([a, b], [c, d], [e, f]) = (forth[row], back[row], to_edit[row]);
                 [touched, a, b, c, d, e, f]
             })
             .collect();
         self.render(&source.now, camera, &features, true)?;
         let before = quantised(&self.output);
-        let (source_flow, back, home) = (self.flow(7, 1), self.flow(7, 3), self.flow(7, 5));
+        let (source_flow, back, to_edit) = (self.flow(7, 1), self.flow(7, 3), self.flow(7, 5));
         for (mask, touched) in mask.iter_mut().zip(self.touched(7)) {
             *mask |= touched;
         }
@@ -306,7 +306,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
             }
         }
         let pair = Pair { edit: picture, source: before };
-        self.long(sight, at, &source.now, &pair, &home)?;
+        self.long(sight, at, &source.now, &pair, &to_edit)?;
         self.short(at, &pair, [&edit_back, &back]);
         let state = &mut self.views[view];
         state.edit_flicker.add(&pair.edit);
@@ -353,7 +353,7 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         at: (usize, usize),
         now: &Splats,
         pair: &Pair,
-        home: &FlowField,
+        to_edit: &FlowField,
     ) -> Outcome {
         let camera = &sight.cameras[at.0];
         if sight.times[at.1] == sight.subject.edit_time {
@@ -367,12 +367,12 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
             .forward(&mut state.first, &self.first_source, &forth, &params)
             .map_err(|e| refused(&e))?;
         let size = (output.width, output.height);
-        let away = FlowField::normalized(size, &output.features, (2, 0), &output.alpha);
-        let visible = home.visible(&away);
+        let from_edit = FlowField::normalized(size, &output.features, (2, 0), &output.alpha);
+        let visible = to_edit.visible(&from_edit);
         let first = &state.at_edit;
         let values = [
-            warp_error(&pair.edit, &first.edit, home, &visible),
-            warp_error(&pair.source, &first.source, home, &visible),
+            warp_error(&pair.edit, &first.edit, to_edit, &visible),
+            warp_error(&pair.source, &first.source, to_edit, &visible),
         ];
         self.set("warp_error_long", at, values[0].map(|error| PER_MILLE * error));
         self.set("warp_error_long_src", at, values[1].map(|error| PER_MILLE * error));

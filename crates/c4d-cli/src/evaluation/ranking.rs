@@ -11,10 +11,10 @@ const SAME: f64 = 5e-4;
 pub(crate) fn best(better: Better, values: &[Option<f64>]) -> Vec<usize> {
     let badness: Vec<Option<f64>> =
         values.iter().map(|value| value.and_then(|value| better.badness(value))).collect();
-    let Some(least) = badness.iter().flatten().copied().min_by(f64::total_cmp) else {
+    let Some(lowest) = badness.iter().flatten().copied().min_by(f64::total_cmp) else {
         return Vec::new();
     };
-    let is_best = |bad: f64| bad <= least + SAME * least.abs();
+    let is_best = |bad: f64| bad <= lowest + SAME * lowest.abs();
     let found: Vec<usize> =
         (0..values.len()).filter(|&k| badness[k].is_some_and(is_best)).collect();
     let known = badness.iter().flatten().count();

@@ -28,7 +28,7 @@ pub(crate) struct Edit<'a> {
     pub(crate) binding: &'a Binding,
     /// Whether the edit changed or added each splat, `[N]`.
     pub(crate) touched: Vec<bool>,
-    /// For each edited splat, the source splat with the same geometry at the same place, if any.
+    /// For each edited splat, the source splat with the same geometry at the same position, if any.
     pub(crate) source_row: Vec<Option<u32>>,
     /// Whether the edit changed or removed each source splat.
     pub(crate) touched_source: Vec<bool>,

@@ -99,7 +99,7 @@ fn assert_worse(before: &[Item], after: &[Item], named: &[&str], what: &str) {
 }
 
 #[test]
-fn nothing_edited_is_measured_as_nothing() {
+fn an_unedited_run_has_ideal_metrics() {
     let source = demo();
     let propagation = propagated(&source, source.at(0.0).unwrap(), false);
     let items = measured(&source, &propagation.scene, &source, None);
@@ -155,7 +155,7 @@ fn the_default_keeps_what_was_not_edited() {
 /// Without an edit, every ratio is 1 and every excess is 0, so any difference is due to the
 /// degradation.
 #[test]
-fn degraded_pictures_are_worse_by_name_and_better_in_nothing() {
+fn degraded_pictures_worsen_the_expected_metrics_and_improve_none() {
     let source = demo();
     let propagation = propagated(&source, source.at(0.0).unwrap(), false);
     check_degradations(&source, &propagation.scene, &source);
@@ -233,7 +233,7 @@ fn check_degradations(source: &SynthScene, edited: &EditedScene, truth: &dyn Dyn
 }
 
 #[test]
-fn swapped_matches_are_worse_by_name_and_better_in_nothing() {
+fn swapped_matches_worsen_the_expected_metrics_and_improve_none() {
     let source = demo();
     let propagation = propagated(&source, source.at(0.0).unwrap(), true);
     let edited = &propagation.scene;

@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn sources_of_one_body_are_certain_and_of_two_are_not() {
+    fn confidence_is_high_for_one_body_and_low_across_two() {
         let rows = [vec![(0, 0.5), (1, 0.5)], vec![(0, 0.5), (3, 0.5)], vec![], vec![(2, 1.0)]];
         let binding = Binding::blending(&rows, 4).unwrap();
         let found = confidence(&Turning, &binding, 0.0, 1.0).unwrap();

@@ -8,7 +8,7 @@ use crate::args::OverlayArg;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::rigid_parts::rigid_parts;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use amg::{Binding, RigidParts};
 use gs_core::{DynamicScene, Extent, nearest_rank};
 use gs_player::{Legend, Overlay};
@@ -44,12 +44,12 @@ impl Layer {
 pub(crate) struct LayerSource<'a> {
     /// The scene before the edit; the scene itself if it is not a run.
     pub(crate) source: &'a Arc<dyn DynamicScene>,
-    opened: &'a Opened,
+    opened: &'a LoadedScene,
     parts: Option<RigidParts>,
 }
 
 impl<'a> LayerSource<'a> {
-    pub(crate) fn new(opened: &'a Opened) -> Self {
+    pub(crate) fn new(opened: &'a LoadedScene) -> Self {
         let source = opened.original.as_ref().unwrap_or(&opened.scene);
         Self { source, opened, parts: None }
     }
@@ -110,7 +110,7 @@ impl<'a> LayerSource<'a> {
                 kind.name(),
                 self.opened.path.display()
             ))
-            .next("Give the run folder that c4d propagate wrote, or choose parts or motion.")
+            .next("Specify the run folder that c4d propagate wrote, or choose parts or motion.")
         })
     }
 

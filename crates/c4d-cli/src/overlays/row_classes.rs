@@ -60,7 +60,7 @@ impl Class {
             Self::Recoloured => "recoloured",
             Self::Moved => "moved, rotated or scaled",
             Self::Follows => "edited or new, follows source splats",
-            Self::Stays => "edited or new, stays in place",
+            Self::Stays => "edited or new, does not move",
             Self::Field => "moved by the deformation field",
             Self::Inherits => "inherits the edit of its surface",
             Self::Removed => "removed",

@@ -68,7 +68,7 @@ pub(crate) fn in_order<T>(mut parts: Vec<Part<T>>) -> Outcome<Vec<Part<T>>> {
                 first_path.display(),
                 path.display()
             ))
-            .next("Make all parts with the same command, and only another K in --part K/N."));
+            .next("Make all parts with the same command; only K in --part K/N may differ."));
         }
     }
     let of = first.of;
@@ -80,7 +80,7 @@ pub(crate) fn in_order<T>(mut parts: Vec<Part<T>>) -> Outcome<Vec<Part<T>>> {
             pair[1].0.display(),
             pair[0].1.part
         ))
-        .next("Give each part once."));
+        .next("Pass each part once."));
     }
     let missing: Vec<String> = (1..=of)
         .filter(|part| parts.binary_search_by_key(part, |(_, record, _)| record.part).is_err())
@@ -89,7 +89,7 @@ pub(crate) fn in_order<T>(mut parts: Vec<Part<T>>) -> Outcome<Vec<Part<T>>> {
     if !missing.is_empty() {
         let parts = if missing.len() == 1 { "part" } else { "parts" };
         return Err(Failure::usage(format!("{parts} {} of {of} missing", missing.join(", ")))
-            .next(format!("Make it with --part {}/{of}, and give all {of} parts.", missing[0])));
+            .next(format!("Make it with --part {}/{of}, and pass all {of} parts.", missing[0])));
     }
     Ok(parts)
 }

@@ -59,8 +59,12 @@ mod tests {
                 let all: Vec<usize> = ranges.clone().flatten().collect();
                 assert_eq!(all, (0..count).collect::<Vec<_>>(), "{count} items, {of} parts");
                 let sizes: Vec<usize> = ranges.map(|range| range.len()).collect();
-                let (least, most) = (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());
-                assert!(most - least <= 1 && sizes[0] > 0, "{count} items, {of} parts: {sizes:?}");
+                let (smallest, largest) =
+                    (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());
+                assert!(
+                    largest - smallest <= 1 && sizes[0] > 0,
+                    "{count} items, {of} parts: {sizes:?}"
+                );
             }
         }
     }

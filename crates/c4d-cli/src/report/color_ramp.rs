@@ -38,8 +38,8 @@ mod tests {
     fn ends_and_middle() {
         let map = Image::from_data(3, 1, 1, vec![0.0, 0.5, 2.0]).unwrap();
         let colors = heat(&map);
-        assert_eq!(colors.pixel(0, 0), RAMP[0], "nothing");
+        assert_eq!(colors.pixel(0, 0), RAMP[0], "lowest");
         assert_eq!(colors.pixel(1, 0), RAMP[2], "half");
-        assert_eq!(colors.pixel(2, 0), RAMP[4], "all, and beyond");
+        assert_eq!(colors.pixel(2, 0), RAMP[4], "highest, and beyond");
     }
 }

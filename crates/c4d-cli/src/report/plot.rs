@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn curves_have_gaps_and_no_numbers_that_are_none() {
+    fn curves_have_gaps_at_missing_values() {
         let curve = |values: &[Option<f64>]| Curve {
             name: "a < b".to_owned(),
             values: values.to_vec(),

@@ -51,7 +51,7 @@ pub(crate) fn run_report(report: &RunReport<'_>) -> Outcome<String> {
             after: ("after", after),
             caption: format!("Time {}, from the front.", number(f64::from(*t))),
         };
-        page.section("look", "Look here first", &triple.html(QUALITY)?);
+        page.section("look", "Largest difference", &triple.html(QUALITY)?);
     }
     let mut sheet = String::from(
         "<p>Move the divider: before on its left, after on its right.</p><input id=\"divider\" type=\"range\" min=\"0\" max=\"100\" value=\"50\" aria-label=\"divider\"><div class=\"sheet\">",
@@ -66,12 +66,12 @@ pub(crate) fn run_report(report: &RunReport<'_>) -> Outcome<String> {
     for (name, value) in &report.facts {
         let _ = write!(rows, "<tr><th>{}</th><td>{}</td></tr>", escape(name), escape(value));
     }
-    page.section("facts", "What was done", &format!("<table>{rows}</table>"));
+    page.section("facts", "Summary", &format!("<table>{rows}</table>"));
     let next = format!(
         "<pre>c4d render {0} --side-by-side -o clip.mp4\nc4d export {0} -o player.html\nc4d eval {0} -o metrics.json</pre>",
         escape(&report.name)
     );
-    page.section("next", "Go on", &next);
+    page.section("next", "Next steps", &next);
     Ok(page.html(&report.name, "made by c4d propagate; opens offline"))
 }
 

@@ -29,7 +29,7 @@ pub(crate) struct Checkpoint {
 
 impl Checkpoint {
     /// A new refinement.
-    pub(crate) fn anew(preset: PresetArg, settings: RefineSettings, flags: &RefineFlags) -> Self {
+    pub(crate) fn new(preset: PresetArg, settings: RefineSettings, flags: &RefineFlags) -> Self {
         Self { preset, settings, flags: flags.clone(), state: None, is_resumed: false }
     }
 

@@ -36,19 +36,19 @@ pub(crate) struct RunConfig {
     /// Whether splats missing from the edit were added.
     #[serde(default)]
     pub(crate) keep_rest: bool,
-    /// Whether an edit that seems to belong to another scene was accepted.
+    /// Whether an edit that seems to belong to a different scene was accepted.
     #[serde(default)]
     pub(crate) allow_far: bool,
     /// `best` or `paper`.
     pub(crate) preset: String,
     /// `none`, `knn` or `deformnet`.
     pub(crate) baseline: String,
-    /// `amg` or `amg-all`.
+    /// `edited` or `all`; `amg` or `amg-all` in earlier runs.
     pub(crate) motion: String,
     /// `splats` or `surface`.
     #[serde(default = "splats")]
     pub(crate) follow: String,
-    /// Seed of everything random.
+    /// Random seed.
     pub(crate) seed: u64,
     /// Model folders: requested iteration.
     pub(crate) iteration: Option<u64>,

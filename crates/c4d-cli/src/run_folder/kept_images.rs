@@ -33,7 +33,7 @@ const HEAD: usize = 8 + 8 + 4 + 4;
 pub(crate) struct KeptImages {
     file: File,
     /// Offset and length of each view and time (its bits).
-    places: HashMap<(usize, u32), (u64, usize)>,
+    entries: HashMap<(usize, u32), (u64, usize)>,
     end: u64,
 }
 
@@ -48,7 +48,7 @@ impl KeptImages {
     /// As [`KeptImages::open`], of a file open for reading and writing.
     pub(crate) fn of_file(file: File, made_from: &MadeFrom) -> Outcome<Self> {
         let failed = |error: io::Error| Failure::failed(format!("{REFINE_IMAGES}: {error}"));
-        let mut kept = Self { file, places: HashMap::new(), end: 0 };
+        let mut kept = Self { file, entries: HashMap::new(), end: 0 };
         let found = kept.read_index(made_from).map_err(failed)?;
         if !found {
             let line = serde_json::to_string(made_from).map_err(Failure::failed)?;
@@ -62,13 +62,13 @@ impl KeptImages {
 
     /// The images of a file open for reading; `None` if they have other inputs.
     pub(crate) fn read(file: File, made_from: &MadeFrom) -> io::Result<Option<Self>> {
-        let mut kept = Self { file, places: HashMap::new(), end: 0 };
+        let mut kept = Self { file, entries: HashMap::new(), end: 0 };
         Ok(kept.read_index(made_from)?.then_some(kept))
     }
 
     /// Number of images.
     pub(crate) fn len(&self) -> usize {
-        self.places.len()
+        self.entries.len()
     }
 
     fn read_index(&mut self, made_from: &MadeFrom) -> io::Result<bool> {
@@ -81,7 +81,7 @@ impl KeptImages {
         }
         let mut at = line.len() as u64;
         let mut head = [0; HEAD];
-        let mut places = HashMap::new();
+        let mut entries = HashMap::new();
         while reader.read_exact(&mut head).is_ok() {
             let word = |from: usize| u64::from_le_bytes(std::array::from_fn(|k| head[from + k]));
             let half = |from: usize| u32::from_le_bytes(std::array::from_fn(|k| head[from + k]));
@@ -97,26 +97,26 @@ impl KeptImages {
             if crc32fast::hash(&content) != half(20) {
                 break;
             }
-            places.insert((view, half(16)), (at + HEAD as u64, bytes));
+            entries.insert((view, half(16)), (at + HEAD as u64, bytes));
             at = next;
         }
-        (self.places, self.end) = (places, at);
+        (self.entries, self.end) = (entries, at);
         Ok(true)
     }
 
     /// The stored images, in the order of the file.
     pub(crate) fn keys(&self) -> Vec<ViewTime> {
-        let mut places: Vec<_> = self.places.iter().collect();
-        places.sort_by_key(|(_, (place, _))| *place);
+        let mut entries: Vec<_> = self.entries.iter().collect();
+        entries.sort_by_key(|(_, (offset, _))| *offset);
         let key = |(&(view, time), _)| ViewTime { view, time: f32::from_bits(time) };
-        places.into_iter().map(key).collect()
+        entries.into_iter().map(key).collect()
     }
 
     /// The stored bytes of a view and time.
     pub(crate) fn get(&mut self, at: ViewTime) -> Option<Vec<u8>> {
-        let (place, length) = *self.places.get(&(at.view, at.time.to_bits()))?;
+        let (offset, length) = *self.entries.get(&(at.view, at.time.to_bits()))?;
         let mut bytes = vec![0; length];
-        self.file.seek(SeekFrom::Start(place)).ok()?;
+        self.file.seek(SeekFrom::Start(offset)).ok()?;
         self.file.read_exact(&mut bytes).ok()?;
         Some(bytes)
     }
@@ -131,14 +131,14 @@ impl KeptImages {
         head.extend_from_slice(bytes);
         self.file.seek(SeekFrom::Start(self.end))?;
         self.file.write_all(&head)?;
-        self.places.insert((at.view, at.time.to_bits()), (self.end + HEAD as u64, bytes.len()));
+        self.entries.insert((at.view, at.time.to_bits()), (self.end + HEAD as u64, bytes.len()));
         self.end += head.len() as u64;
         Ok(())
     }
 
     /// Empties the file, for a full disk.
     pub(crate) fn clear(&mut self) {
-        self.places.clear();
+        self.entries.clear();
         // Best effort: the file is removed when the refinement ends.
         let _ = self.file.set_len(0);
     }
@@ -173,7 +173,11 @@ mod tests {
         assert_eq!(kept.get(other).as_deref(), Some(&b""[..]), "an empty one, too");
         kept.put(ViewTime { view: 8, time: 0.9 }, b"third").unwrap();
         drop(kept);
-        assert_eq!(KeptImages::open(&update, &made_from).unwrap().len(), 3, "in its place");
+        assert_eq!(
+            KeptImages::open(&update, &made_from).unwrap().len(),
+            3,
+            "after the complete ones"
+        );
         let changed = MadeFrom { device: "GPU".to_owned(), ..made_from };
         assert_eq!(KeptImages::open(&update, &changed).unwrap().len(), 0, "of something else");
     }

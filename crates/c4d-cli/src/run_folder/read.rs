@@ -12,7 +12,7 @@ pub(crate) fn check_is_folder(run: &Path) -> Outcome {
         return Ok(());
     }
     Err(Failure::bad_input(format!("{} is not a run folder", run.display()))
-        .next("Give the folder that c4d propagate wrote."))
+        .next("Specify the folder that c4d propagate wrote."))
 }
 
 /// The reports of a run, for `--json`: `run` and, if it was refined, `refine`.
@@ -67,5 +67,5 @@ impl RunFiles {
 /// Failure for a damaged file of a run.
 pub(crate) fn damaged(path: &Path, name: &str, what: &str) -> Failure {
     Failure::bad_input(format!("{}: {what}", path.join(name).display()))
-        .next("The file is damaged or of another version; run c4d propagate again.")
+        .next("The file is damaged or from a different version; run c4d propagate again.")
 }

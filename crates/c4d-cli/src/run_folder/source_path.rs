@@ -7,9 +7,9 @@ use std::path::{Component, Path, PathBuf};
 
 /// The source of the run in `run`: the recorded path relative to the run, else the absolute path.
 pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
-    let beside = run.join(&config.source_from_run);
-    if beside.exists() {
-        return Ok(beside);
+    let relative = run.join(&config.source_from_run);
+    if relative.exists() {
+        return Ok(relative);
     }
     if config.source.exists() {
         return Ok(config.source.clone());
@@ -17,7 +17,7 @@ pub(super) fn locate(run: &Path, config: &RunConfig) -> Outcome<PathBuf> {
     Err(Failure::bad_input(format!(
         "the source scene of {} is missing: neither {} nor {} exists",
         run.display(),
-        beside.display(),
+        relative.display(),
         config.source.display()
     ))
     .next(format!("Put it back, or correct `source` in {}.", run.join(CONFIG).display())))

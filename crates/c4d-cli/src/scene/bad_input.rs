@@ -17,9 +17,9 @@ const FRAMES: &str = "Formats are recognised by content, not by file name. Expor
 const FRAME_AGAIN: &str = "Copy the file again, or export the splats again as a 3DGS PLY.";
 
 /// First words of next steps in messages of readers, after a semicolon.
-const STEPS: [&str; 12] = [
-    "choose", "convert", "copy", "export", "fetch", "give", "make", "put", "save", "train", "use",
-    "write",
+const STEPS: [&str; 14] = [
+    "choose", "convert", "copy", "export", "fetch", "give", "make", "pass", "put", "save",
+    "specify", "train", "use", "write",
 ];
 
 /// Splits a message into what happened and the next step, if it ends with one.
@@ -45,7 +45,9 @@ pub(crate) fn bad_input(error: &IoError) -> Failure {
             failure.next("Check that the name is right and that the file is readable.")
         }
         IoError::Damaged { source, .. } if source.report.damaged() == source.report.rows => failure
-            .next("Export the splats again, or use an earlier save of the program that made them."),
+            .next(
+                "Export the splats again, or use an earlier file from the program that made them.",
+            ),
         IoError::Damaged { .. } => {
             failure.next("Without --strict such rows are dropped and counted.")
         }
@@ -78,10 +80,10 @@ fn step_for_format(error: &IoError, path: &Path) -> Option<&'static str> {
     if let Some(error) = error.cause::<CamerasError>() {
         return Some(match error {
             CamerasError::Lens { .. } => {
-                "Undistort the images and give the folder with the result, or give other cameras."
+                "Undistort the images and use the resulting folder, or use different cameras."
             }
             _ => {
-                "Export the file again, or give other cameras; c4d info PATH shows what a file or folder contains."
+                "Export the file again, or use different cameras; c4d info PATH shows what a file or folder contains."
             }
         });
     }
@@ -91,14 +93,14 @@ fn step_for_format(error: &IoError, path: &Path) -> Option<&'static str> {
         );
     }
     if error.cause::<SplatvError>().is_some() || error.cause::<Splat4dError>().is_some() {
-        return Some("Copy or export the clip again, or give the scene from which it was made.");
+        return Some("Copy or export the clip again, or use the scene from which it was made.");
     }
     match error.cause::<FieldError>()? {
-        FieldError::NotFinite { .. } => {
-            Some("Use an earlier save of the model: training that diverges writes such values.")
-        }
+        FieldError::NotFinite { .. } => Some(
+            "Use an earlier iteration of the model: training that diverges writes such values.",
+        ),
         FieldError::Shape { .. } => Some(
-            "Copy the model again from the machine that trained it: its files must be of the same training and the same save.",
+            "Copy the model again from the machine that trained it: its files must be from the same training run and iteration.",
         ),
         _ => None,
     }
@@ -109,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn next_steps_in_messages_are_shown_as_such() {
+    fn next_steps_at_the_end_of_messages_are_found() {
         let (what, step) =
             split_step("a.pth: is cut short; copy it again, a; b").unwrap_or_default();
         assert_eq!((what, step.as_str()), ("", ""), "the last clause is no step");

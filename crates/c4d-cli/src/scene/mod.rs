@@ -2,12 +2,12 @@
 
 mod bad_input;
 #[cfg(test)]
-mod hostile;
+mod damaged_runs;
+mod loaded_scene;
 mod open;
-mod opened;
 mod run;
 
 pub(crate) use bad_input::bad_input;
+pub(crate) use loaded_scene::{LoadedScene, UP_CAPTURED};
 pub(crate) use open::{open, open_run, open_with, refuse_model_flags};
-pub(crate) use opened::{Opened, UP_CAPTURED};
 pub(crate) use run::Run;

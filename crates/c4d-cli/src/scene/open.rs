@@ -1,6 +1,6 @@
 //! Opening SCENE: a dynamic scene of any kind, or a run.
 
-use super::{Opened, Run, UP_CAPTURED, bad_input};
+use super::{LoadedScene, Run, UP_CAPTURED, bad_input};
 use crate::args::Global;
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
@@ -20,7 +20,7 @@ use std::sync::Arc;
 const SCENES: &str = "SCENE is a trained scene (model folder, checkpoint or PLY of 4DGaussians, Swift4D, Deformable-3D-Gaussians, SC-GS, Grid4D, DASH, E-D3DGS, native 4D Gaussians, FreeTimeGS, Spacetime Gaussians or Dynamic 3D Gaussians), numbered frames in a folder or zip archive, a .splatv, .splat4d, .4dgs or .tsog clip, or a run folder.";
 
 /// Opens a scene and reports warnings about it.
-pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<Opened> {
+pub(crate) fn open(path: &Path, global: &Global, console: &Console) -> Outcome<LoadedScene> {
     if global.iteration.is_some() || !global.set.is_empty() {
         refuse_model_flags(path, global.iteration)?;
     }
@@ -49,7 +49,7 @@ fn open_within(
     runs: &[PathBuf],
     global: &Global,
     console: &Console,
-) -> Outcome<Opened> {
+) -> Outcome<LoadedScene> {
     if !path.exists() {
         return Err(Failure::bad_input(format!("{} does not exist", path.display())).next(SCENES));
     }
@@ -63,11 +63,11 @@ fn open_within(
             gs_io::ply::read_file(&gs_io::frame::file_of(path))
                 .map_err(|error| bad_input(&error))?;
             Err(Failure::bad_input(format!(
-                "{} is a {kind}: none of its saves has a deformation",
+                "{} is a {kind}: none of its iterations has a deformation",
                 path.display()
             ))
             .next(format!(
-                "If it is a 4DGaussians model, copy deformation.pth beside its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, copy the folder deform beside point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
+                "If it is a 4DGaussians model, put deformation.pth next to its point_cloud.ply; of Deformable-3D-Gaussians and methods like it, put the folder deform next to point_cloud. As an edited frame: c4d propagate SCENE --edited {}. {SCENES}",
                 path.display()
             )))
         }
@@ -76,13 +76,13 @@ fn open_within(
             path.display()
         ))
         .next(format!(
-            "Give the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
+            "Use the dynamic scene here; c4d propagate SCENE --edited takes the frame, c4d render shows it. {SCENES}"
         ))),
         SceneKind::Cameras(format) => Err(Failure::bad_input(format!(
             "{} contains cameras ({format}) but no splats",
             path.display()
         ))
-        .next("Give the model trained on it as SCENE, and this path with --cameras.")),
+        .next("Pass the model trained on it as SCENE, and this path with --cameras.")),
         kind => {
             let next = match (suggestion::for_path(path, Needed::Scene), &kind) {
                 (Some(next), _) => next,
@@ -121,7 +121,7 @@ pub(crate) fn open_with(
     kind: &SceneKind,
     options: &OpenOptions,
     console: &Console,
-) -> Outcome<Opened> {
+) -> Outcome<LoadedScene> {
     let has_training_flags = matches!(kind, SceneKind::Model4dgs | SceneKind::Swift4d);
     let opened = gs_io::open_scene_as(path, kind, options).map_err(|error| match &error {
         // The file exists, so flags are the next step.
@@ -129,7 +129,7 @@ pub(crate) fn open_with(
             if has_training_flags && path.is_file() && concerns_flags(&error) =>
         {
             bad_input(&error).next(
-                "Give flags as --set FLAG=VALUE, repeated for several; c4d --help lists them.",
+                "Specify flags as --set FLAG=VALUE, repeated for several; c4d --help lists them.",
             )
         }
         _ => bad_input(&error),
@@ -143,7 +143,7 @@ pub(crate) fn open_with(
     for detail in &opened.details {
         console.detail(format!("{}: {detail}", path.display()));
     }
-    Ok(Opened {
+    Ok(LoadedScene {
         edit_time: opened.scene.time_range().start,
         scene: opened.scene,
         network: opened.deformed,
@@ -203,7 +203,7 @@ fn open_edited(
     runs: &[PathBuf],
     global: &Global,
     console: &Console,
-) -> Outcome<Opened> {
+) -> Outcome<LoadedScene> {
     let run = open_run_within(path, runs, global, console)?;
     let scene = run.scene(path, true)?;
     let Run { config, stored, source } = run;
@@ -217,7 +217,7 @@ fn open_edited(
         count(RowKind::Static),
         match count(RowKind::Descendant) {
             0 => String::new(),
-            descendants => format!(", {descendants} reached by descent"),
+            descendants => format!(", {descendants} inherited"),
         }
     );
     let refined = stored.refined.as_ref().map_or("no".to_owned(), |refined| {
@@ -241,7 +241,7 @@ fn open_edited(
     files.extend(source.files);
     let mut roots = vec![path.to_owned()];
     roots.extend(source.roots);
-    Ok(Opened {
+    Ok(LoadedScene {
         roots,
         edit_time: config.edit_time,
         scene: Arc::new(scene),

@@ -1,6 +1,6 @@
 //! [`Run`]: a run with its source.
 
-use super::Opened;
+use super::LoadedScene;
 use crate::failure::{Outcome, chain};
 use crate::field::NetworkField;
 use crate::run_folder::{CONFIG, RunConfig, SCENE, Stored, damaged};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub(crate) struct Run {
     pub(crate) config: RunConfig,
     pub(crate) stored: Stored,
-    pub(crate) source: Opened,
+    pub(crate) source: LoadedScene,
 }
 
 impl Run {

@@ -152,12 +152,12 @@ impl Settings {
         };
         let motion = match (args.motion, self.motion.as_deref()) {
             (Some(motion), _) => motion,
-            (None, Some("amg")) => MotionArg::Amg,
-            (None, Some("amg-all")) => MotionArg::AmgAll,
-            (None, Some(other)) => return self.wrong("motion", other, "amg or amg-all"),
+            (None, Some("edited" | "amg")) => MotionArg::Edited,
+            (None, Some("all" | "amg-all")) => MotionArg::All,
+            (None, Some(other)) => return self.wrong("motion", other, "edited or all"),
             // the paper estimates every splat
-            (None, None) if preset == PresetArg::Paper && baseline.is_none() => MotionArg::AmgAll,
-            (None, None) => MotionArg::Amg,
+            (None, None) if preset == PresetArg::Paper && baseline.is_none() => MotionArg::All,
+            (None, None) => MotionArg::Edited,
         };
         let follow = match (args.follow, self.follow.as_deref()) {
             (Some(follow), _) => Some(follow),

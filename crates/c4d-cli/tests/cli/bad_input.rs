@@ -32,9 +32,9 @@ impl Bench {
             "-o",
             run.to_str().unwrap(),
         ]);
-        let said = failure(&mut command, code);
+        let stderr = failure(&mut command, code);
         for part in expected {
-            assert!(said.contains(part), "expected `{part}` in: {said}");
+            assert!(stderr.contains(part), "expected `{part}` in: {stderr}");
         }
         assert!(!run.exists(), "no output");
         let left: Vec<String> = listing(self.folder.path())
@@ -117,10 +117,10 @@ fn damaged_rows_are_counted_or_refused() {
         "-o",
         run.to_str().unwrap(),
     ];
-    let said = failure(c4d(arguments).arg("--strict"), 3);
-    assert!(said.contains("edited.ply") && !run.exists(), "{said}");
-    let (_, said) = success(&mut c4d(arguments));
-    assert!(said.contains("dropped 3 of"), "counted: {said}");
+    let stderr = failure(c4d(arguments).arg("--strict"), 3);
+    assert!(stderr.contains("edited.ply") && !run.exists(), "{stderr}");
+    let (_, stderr) = success(&mut c4d(arguments));
+    assert!(stderr.contains("dropped 3 of"), "counted: {stderr}");
 }
 
 #[test]
@@ -128,16 +128,16 @@ fn scene_problems() {
     let bench = Bench::new();
     let out = bench.at("out");
     let freeze = |scene: &Path, code: i32| {
-        let said = failure(
+        let stderr = failure(
             &mut c4d(["freeze", scene.to_str().unwrap(), "-o", out.to_str().unwrap()]),
             code,
         );
-        assert!(!out.exists(), "no output; said: {said}");
-        said
+        assert!(!out.exists(), "no output; stderr: {stderr}");
+        stderr
     };
     assert!(freeze(&bench.at("nowhere"), 3).contains("nowhere"), "names the missing part");
-    let said = freeze(&fixture("synth/edited.ply"), 3);
-    assert!(said.contains("is a single frame"), "{said}");
+    let stderr = freeze(&fixture("synth/edited.ply"), 3);
+    assert!(stderr.contains("is a single frame"), "{stderr}");
     let empty = bench.at("empty");
     fs::create_dir(&empty).unwrap();
     assert!(freeze(&empty, 3).contains("empty"), "names the folder");
@@ -147,14 +147,14 @@ fn scene_problems() {
     let newest = model.join("point_cloud/iteration_20000/deformation.pth");
     let good = fs::read(&newest).unwrap();
     fs::remove_file(&newest).unwrap();
-    let said = freeze(&model, 3);
-    assert!(said.contains("deformation.pth"), "{said}");
+    let stderr = freeze(&model, 3);
+    assert!(stderr.contains("deformation.pth"), "{stderr}");
     fs::write(&newest, &good[..good.len() / 2]).unwrap();
-    let said = freeze(&model, 3);
-    assert!(said.contains("deformation.pth"), "{said}");
+    let stderr = freeze(&model, 3);
+    assert!(stderr.contains("deformation.pth"), "{stderr}");
     fs::write(&newest, b"cos\nsystem\n(S'true'\ntR.").unwrap();
-    let said = freeze(&model, 3);
-    assert!(said.contains("deformation.pth"), "{said}");
+    let stderr = freeze(&model, 3);
+    assert!(stderr.contains("deformation.pth"), "{stderr}");
 }
 
 #[test]
@@ -164,26 +164,26 @@ fn usage_problems() {
     let model = model.to_str().unwrap();
     let out = bench.at("out");
     let output = out.to_str().unwrap();
-    let said = failure(&mut c4d(["freeze", model, "--time", "1.5", "-o", output]), 2);
-    assert!(said.contains("0 to 1"), "{said}");
-    let said = failure(&mut c4d(["render", model, "--times", "-0.1", "-o", output]), 2);
-    assert!(said.contains("--times"), "{said}");
+    let stderr = failure(&mut c4d(["freeze", model, "--time", "1.5", "-o", output]), 2);
+    assert!(stderr.contains("0 to 1"), "{stderr}");
+    let stderr = failure(&mut c4d(["render", model, "--times", "-0.1", "-o", output]), 2);
+    assert!(stderr.contains("--times"), "{stderr}");
     for (flag, value) in [("--seeds", "0"), ("--size", "3"), ("--cases", "nope")] {
-        let said = failure(&mut c4d(["bench", "motion", flag, value, "-o", output]), 2);
-        assert!(said.contains(flag) && said.contains(value), "{said}");
+        let stderr = failure(&mut c4d(["bench", "motion", flag, value, "-o", output]), 2);
+        assert!(stderr.contains(flag) && stderr.contains(value), "{stderr}");
         assert!(!out.exists(), "{flag}: a report of nothing");
     }
-    let said = failure(&mut c4d(["freeze", model, "--set", "no_dx=maybe", "-o", output]), 2);
-    assert!(said.contains("no_dx"), "{said}");
-    let said = failure(&mut c4d(["freeze", model, "--iteration", "5", "-o", output]), 3);
-    assert!(said.contains('5'), "{said}");
+    let stderr = failure(&mut c4d(["freeze", model, "--set", "no_dx=maybe", "-o", output]), 2);
+    assert!(stderr.contains("no_dx"), "{stderr}");
+    let stderr = failure(&mut c4d(["freeze", model, "--iteration", "5", "-o", output]), 3);
+    assert!(stderr.contains('5'), "{stderr}");
     let source = fixture("synth/source");
     let edited = fixture("synth/edited.ply");
     let mut deformnet = c4d(["propagate", source.to_str().unwrap(), "--baseline", "deformnet"]);
-    let said = failure(deformnet.args(["--edited", edited.to_str().unwrap(), "-o", output]), 2);
-    assert!(said.contains("no deformation network"), "{said}");
-    let said = failure(&mut c4d(["render", model, "--side-by-side", "-o", output]), 2);
-    assert!(said.contains("not a run"), "{said}");
+    let stderr = failure(deformnet.args(["--edited", edited.to_str().unwrap(), "-o", output]), 2);
+    assert!(stderr.contains("no deformation network"), "{stderr}");
+    let stderr = failure(&mut c4d(["render", model, "--side-by-side", "-o", output]), 2);
+    assert!(stderr.contains("not a run"), "{stderr}");
     assert!(!out.exists(), "no output");
 }
 
@@ -195,12 +195,12 @@ fn existing_and_unrelated_output_is_kept() {
     let out = bench.at("out");
     let output = out.to_str().unwrap();
     success(&mut c4d(["freeze", model, "-o", output]));
-    let said = failure(&mut c4d(["freeze", model, "-o", output]), 2);
-    assert!(said.contains("exists"), "{said}");
+    let stderr = failure(&mut c4d(["freeze", model, "-o", output]), 2);
+    assert!(stderr.contains("exists"), "{stderr}");
     success(&mut c4d(["freeze", model, "-w", "-o", output]));
     fs::write(out.join("thesis.tex"), "years of work").unwrap();
-    let said = failure(&mut c4d(["freeze", model, "-w", "-o", output]), 2);
-    assert!(said.contains("thesis.tex"), "{said}");
+    let stderr = failure(&mut c4d(["freeze", model, "-w", "-o", output]), 2);
+    assert!(stderr.contains("thesis.tex"), "{stderr}");
     assert_eq!(listing(&out), ["cameras.json", "point_cloud.ply", "thesis.tex"], "all kept");
     let file = bench.at("clip.mp4");
     fs::write(&file, "somebody's film").unwrap();
@@ -240,8 +240,8 @@ fn inputs_are_never_written_to() {
         (&run, &sequence),
         (&sequence, &sequence.join("run")),
     ] {
-        let said = failure(&mut propagate(source, output), 2);
-        assert!(said.contains("overlap"), "{said}");
+        let stderr = failure(&mut propagate(source, output), 2);
+        assert!(stderr.contains("overlap"), "{stderr}");
     }
     let export = ["export", "--to", "ply-seq", "--frames", "2", "-w"];
     failure(c4d(export).args([&path(&sequence), "-o", &path(&sequence)]), 2);
@@ -263,12 +263,12 @@ fn inputs_are_never_written_to() {
         .collect::<Vec<_>>()
         .join("\n");
     fs::write(&config, named).unwrap();
-    let said = failure(&mut c4d(["info", &path(&run)]), 3);
-    assert!(said.contains("its own source"), "{said}");
+    let stderr = failure(&mut c4d(["info", &path(&run)]), 3);
+    assert!(stderr.contains("its own source"), "{stderr}");
 }
 
 #[test]
-fn a_frame_of_another_time_is_refused() {
+fn a_frame_of_a_different_time_is_refused() {
     let bench = Bench::new();
     let model = fixture("deform4dgs/dnerf_like/model");
     let (frozen, run) = (bench.at("frozen"), bench.at("run"));
@@ -285,8 +285,8 @@ fn a_frame_of_another_time_is_refused() {
         "-o",
         run.to_str().unwrap(),
     ];
-    let said = failure(&mut c4d(propagate), 2);
-    assert!(said.contains("--time 0.5") && !run.exists(), "{said}");
+    let stderr = failure(&mut c4d(propagate), 2);
+    assert!(stderr.contains("--time 0.5") && !run.exists(), "{stderr}");
     success(c4d(propagate).args(["--time", "0.5"]));
 }
 
@@ -298,8 +298,8 @@ fn an_edit_of_the_canonical_file_is_refused() {
     let run = bench.at("run");
     let mut command =
         c4d(["propagate", model.to_str().unwrap(), "--edited", canonical.to_str().unwrap()]);
-    let said = failure(command.args(["-o", run.to_str().unwrap()]), 3);
-    assert!(said.contains("canonical") && said.contains("c4d freeze"), "{said}");
+    let stderr = failure(command.args(["-o", run.to_str().unwrap()]), 3);
+    assert!(stderr.contains("canonical") && stderr.contains("c4d freeze"), "{stderr}");
 }
 
 fn copy_folder(from: &Path, to: &Path) {
@@ -326,29 +326,29 @@ fn next_steps_name_suitable_paths() {
     fs::create_dir(&folder).unwrap();
     fs::write(folder.join("readme.txt"), "hello").unwrap();
     fs::write(folder.join("walk.splatv"), 0x674B_u32.to_le_bytes()).unwrap();
-    let said = refused("freeze", &folder, &output);
-    assert!(said.contains("walk.splatv") && said.contains("give that"), "{said}");
+    let stderr = refused("freeze", &folder, &output);
+    assert!(stderr.contains("walk.splatv") && stderr.contains("use that"), "{stderr}");
     // A plain 3DGS model.
     let model = bench.at("model");
     let save = model.join("point_cloud/iteration_30000");
     fs::create_dir_all(&save).unwrap();
     fs::copy(fixture("synth/edited.ply"), save.join("point_cloud.ply")).unwrap();
     fs::write(model.join("cfg_args"), "Namespace(sh_degree=3, eval=False)").unwrap();
-    let said = refused("freeze", &model, &output);
-    assert!(said.contains("static, no deformation") && said.contains("--edited"), "{said}");
+    let stderr = refused("freeze", &model, &output);
+    assert!(stderr.contains("static, no deformation") && stderr.contains("--edited"), "{stderr}");
     let (text, _) = success(&mut c4d(["info", model.to_str().unwrap()]));
     assert!(text.contains("3DGS model") && text.contains("iteration_30000"), "{text}");
     let source = fixture("synth/source");
     let mut propagate = c4d(["propagate", "--no-refine", source.to_str().unwrap()]);
     propagate.args(["--edited", model.to_str().unwrap()]).args(output);
-    let (_, said) = success(&mut propagate);
-    assert!(said.contains("iteration_30000"), "states the frame: {said}");
+    let (_, stderr) = success(&mut propagate);
+    assert!(stderr.contains("iteration_30000"), "states the frame: {stderr}");
     fs::remove_dir_all(&out).unwrap();
     // A folder of an edited frame under another name, and one of a dynamic model.
     let edits = bench.at("edits");
     fs::create_dir(&edits).unwrap();
     fs::copy(fixture("synth/edited.ply"), edits.join("hat.ply")).unwrap();
-    bench.refuse(&edits, 3, &["hat.ply", "give that"]);
+    bench.refuse(&edits, 3, &["hat.ply", "use that"]);
     bench.refuse(&fixture("deform4dgs/dnerf_like/model"), 3, &["canonical", "c4d freeze"]);
     // Placeholders of files, and files of other formats.
     let pointer = bench.at("edited.ply");
@@ -361,24 +361,24 @@ fn next_steps_name_suitable_paths() {
     let run = bench.at("fetched");
     fs::create_dir(&run).unwrap();
     fs::write(run.join("c4d.toml"), "version https://git-lfs.github.com/spec/v1\n").unwrap();
-    let said = refused("info", &run, &[]);
-    assert!(said.contains("c4d.toml") && said.contains("Git LFS pointer"), "{said}");
+    let stderr = refused("info", &run, &[]);
+    assert!(stderr.contains("c4d.toml") && stderr.contains("Git LFS pointer"), "{stderr}");
 }
 
 #[test]
-fn series_are_named() {
+fn several_series_in_a_folder_are_reported() {
     let bench = Bench::new();
     let folder = bench.at("frames");
     copy_folder(&fixture("synth/source"), &folder);
     let first = listing(&folder).into_iter().find(|name| name.contains(".ply")).unwrap();
     fs::copy(folder.join(first), folder.join("other_0.ply")).unwrap();
-    let (text, said) = success(&mut c4d(["info", folder.to_str().unwrap()]));
-    assert!(said.contains("ignoring other_*.ply (1)"), "{said}");
+    let (text, stderr) = success(&mut c4d(["info", folder.to_str().unwrap()]));
+    assert!(stderr.contains("ignoring other_*.ply (1)"), "{stderr}");
     assert!(text.contains("series"), "{text}");
 }
 
 #[test]
-fn damaged_models_end_in_a_step_that_helps() {
+fn errors_for_damaged_models_state_a_useful_next_step() {
     let bench = Bench::new();
     let weights = "deform/iteration_40000/deform.pth";
     let lite = "point_cloud/iteration_30000/point_cloud.ply";
@@ -407,7 +407,7 @@ fn damaged_models_end_in_a_step_that_helps() {
             if name.starts_with("fudan") { &["--set", "time_duration=0,10"] } else { &[] };
         let out = bench.at("out");
         let more: Vec<&str> = flags.iter().copied().chain(["-o", out.to_str().unwrap()]).collect();
-        let said = refused("freeze", &model, &more);
-        assert!(said.contains(expected), "{name}, {share:?}: {said}");
+        let stderr = refused("freeze", &model, &more);
+        assert!(stderr.contains(expected), "{name}, {share:?}: {stderr}");
     }
 }

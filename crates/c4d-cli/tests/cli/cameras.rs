@@ -18,8 +18,8 @@ fn render(model: &str, data: &str, more: &[&str], output: &Path) -> (Vec<String>
     let scene = text(&fixture("deform4dgs").join(model).join("model"));
     let cameras = text(&fixture("cameras").join(data));
     let mut command = c4d(["render", &scene, "--cameras", &cameras, "-w", "-g", "cpu", "-o"]);
-    let (_, said) = success(command.arg(output).args(more));
-    (images(output), said)
+    let (_, stderr) = success(command.arg(output).args(more));
+    (images(output), stderr)
 }
 
 #[test]
@@ -27,21 +27,21 @@ fn views_are_rendered_at_their_own_times() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let small = ["--size", "24x24"];
-    let (found, said) = render("dnerf_like", "dnerf", &small, &out);
+    let (found, stderr) = render("dnerf_like", "dnerf", &small, &out);
     assert_eq!(found, ["rgb/00000.png", "rgb/00001.png"], "the two held-out views");
-    assert!(said.contains("2 held-out views of 6") && said.contains("800×800"), "{said}");
+    assert!(stderr.contains("2 held-out views of 6") && stderr.contains("800×800"), "{stderr}");
 
     let all = [small.as_slice(), &["--split", "all"]].concat();
-    let (found, said) = render("dnerf_like", "dnerf", &all, &out);
+    let (found, stderr) = render("dnerf_like", "dnerf", &all, &out);
     assert_eq!(found.len(), 5, "train, test and val but for the one beyond the last time");
-    assert!(said.contains("1 of 6 views are outside"), "the message: {said}");
+    assert!(stderr.contains("1 of 6 views are outside"), "the message: {stderr}");
 
     let cam = [small.as_slice(), &["--views", "cam01"]].concat();
     let (found, _) = render("dynerf_like", "dynerf", &cam, &out);
     assert_eq!(found.len(), 4, "one camera, its four frames");
 
-    let asked = [small.as_slice(), &["--split", "train", "--times", "0,1"]].concat();
-    let (found, _) = render("dynerf_like", "dynerf", &asked, &out);
+    let requested = [small.as_slice(), &["--split", "train", "--times", "0,1"]].concat();
+    let (found, _) = render("dynerf_like", "dynerf", &requested, &out);
     let expected: Vec<String> = ["000_cam01", "001_cam02"]
         .iter()
         .flat_map(|camera| [0, 1].map(|frame| format!("{camera}/rgb/{frame:05}.png")))
@@ -117,9 +117,9 @@ fn info_names_data_sets() {
         ("colmap/sparse/0", "COLMAP"),
         ("dnerf/transforms_val.json", "D-NeRF"),
     ] {
-        let said = info(&fixture("cameras").join(kind));
+        let stderr = info(&fixture("cameras").join(kind));
         for part in [expected, "views", "times", "sizes", "next"] {
-            assert!(said.contains(part), "{kind}: expected `{part}` in {said}");
+            assert!(stderr.contains(part), "{kind}: expected `{part}` in {stderr}");
         }
     }
     let model = info(&fixture("deform4dgs/dnerf_like/model"));
@@ -142,9 +142,9 @@ fn invalid_cameras_are_refused() {
     let source = text(&fixture("synth/source"));
     let out = text(&folder.path().join("out"));
     let render = |more: &[&str], code: i32, expected: &[&str]| {
-        let said = failure(c4d(["render", &source, "-o", &out]).args(more), code);
+        let stderr = failure(c4d(["render", &source, "-o", &out]).args(more), code);
         for part in expected.iter().chain(&["next: "]) {
-            assert!(said.contains(part), "expected `{part}` in: {said}");
+            assert!(stderr.contains(part), "expected `{part}` in: {stderr}");
         }
         assert!(!Path::new(&out).exists(), "no output");
     };
@@ -167,9 +167,9 @@ fn invalid_cameras_are_refused() {
     render(&["--cameras", &text(&broken)], 3, &["broken.json", "line 1"]);
     failure(&mut c4d(["info".to_owned(), text(&broken)]), 3);
 
-    let said = failure(&mut c4d(["render", &dnerf, "-o", &out]), 3);
+    let stderr = failure(&mut c4d(["render", &dnerf, "-o", &out]), 3);
     assert!(
-        said.contains("no splats") && said.contains("--cameras"),
-        "data sets do not render: {said}"
+        stderr.contains("no splats") && stderr.contains("--cameras"),
+        "data sets do not render: {stderr}"
     );
 }

@@ -79,13 +79,13 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
     let folder = tempfile::tempdir().unwrap();
     let [best, paper] = runs(folder.path());
     let page = folder.path().join("report.html");
-    let (out, said) = success(
+    let (out, stderr) = success(
         c4d(["compare"])
             .args([&best, &paper])
             .args(["--frames", "5", "--size", "160x120", "-o"])
             .arg(&page),
     );
-    assert!(out.contains("report.html") && said.contains("2 runs"), "{out}{said}");
+    assert!(out.contains("report.html") && stderr.contains("2 runs"), "{out}{stderr}");
     let html = std::fs::read_to_string(&page).unwrap();
     assert!(html.len() < 10_000_000, "{} bytes", html.len());
     let sections = ["first", "sheet", "curves", "numbers", "cost", "settings", "warnings"];
@@ -100,14 +100,14 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
     }
 
     let (address, requests) = proxy();
-    let shot = |percent: u32| {
+    let screenshot_at = |percent: u32| {
         let name = format!("{percent}.png");
         screenshot(&page, percent, &address, &folder.path().join(name))
     };
-    let (all_after, all_before) = (shot(0), shot(100));
+    let (all_after, all_before) = (screenshot_at(0), screenshot_at(100));
     let differing = all_after.pixels().zip(all_before.pixels()).filter(|(a, b)| a != b).count();
     assert!(differing > 500, "the divider reveals the other pictures: {differing} pixels");
-    let again = shot(0);
+    let again = screenshot_at(0);
     assert_eq!(again, all_after, "and nothing else changes");
     assert_eq!(requests.load(Ordering::SeqCst), 0, "no request");
 
@@ -121,12 +121,12 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
         let changed = folder.path().join("changed.html");
         std::fs::write(&changed, text).unwrap();
         screenshot(&changed, 50, &address, &folder.path().join("changed.png"));
-        assert_eq!(requests.load(Ordering::SeqCst) > 0, expected, "the policy decides");
+        assert_eq!(requests.load(Ordering::SeqCst) > 0, expected, "as the policy allows");
     }
 }
 
 #[test]
-fn numbers_of_other_parameters_are_refused() {
+fn numbers_with_different_parameters_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let [best, paper] = runs(folder.path());
     let numbers = |run: &Path, name: &str, frames: &str| {
@@ -145,12 +145,15 @@ fn numbers_of_other_parameters_are_refused() {
         command.args([&best, &paper]).args(["--numbers", &list, "-o"]).arg(&page);
         command
     };
-    let said = failure(&mut compare(&c), 2);
-    assert!(said.contains("different frames") && said.contains("cannot be compared"), "{said}");
+    let stderr = failure(&mut compare(&c), 2);
+    assert!(
+        stderr.contains("different frames") && stderr.contains("cannot be compared"),
+        "{stderr}"
+    );
     assert!(!page.exists(), "nothing is written");
     success(&mut compare(&b));
     assert!(page.exists(), "the same parameters");
     std::fs::write(&b, "{}").unwrap();
-    let said = failure(compare(&b).arg("-w"), 3);
-    assert!(said.contains("not a metrics.json"), "{said}");
+    let stderr = failure(compare(&b).arg("-w"), 3);
+    assert!(stderr.contains("not a metrics.json"), "{stderr}");
 }

@@ -46,8 +46,8 @@ fn a_run_is_repeated_from_its_own_record() {
     let file = folder.path().join("options.toml");
     std::fs::write(&file, EVERYTHING).unwrap();
     let runs = ["one", "two", "plain"].map(|name| folder.path().join(name));
-    let (_, said) = success(&mut propagate(&runs[0], &["--no-refine", "--config", path(&file)]));
-    assert!(said.contains("every edited splat is estimated"), "as the paper does: {said}");
+    let (_, stderr) = success(&mut propagate(&runs[0], &["--no-refine", "--config", path(&file)]));
+    assert!(stderr.contains("every edited splat is estimated"), "as the paper does: {stderr}");
     let record = String::from_utf8(bytes(&runs[0], "c4d.toml")).unwrap();
     for line in [
         "num_lines = 20000",
@@ -76,8 +76,8 @@ fn the_default_and_baselines_are_repeated() {
     for (name, flags) in [
         ("best", &["--time", "0", "--seed", "3"][..]),
         ("knn", &["--baseline", "knn"]),
-        ("all", &["--motion", "amg-all"]),
-        ("known", &["--preset", "paper", "--motion", "amg"]),
+        ("all", &["--motion", "all"]),
+        ("known", &["--preset", "paper", "--motion", "edited"]),
     ] {
         let (one, two) = (folder.path().join(name), folder.path().join(format!("{name}-again")));
         let flags: Vec<&str> = flags.iter().copied().chain(["--no-refine"]).collect();
@@ -142,9 +142,9 @@ fn invalid_configurations_are_refused() {
         let preset = if text.starts_with("preset") { vec![] } else { vec!["--preset", "paper"] };
         let flags: Vec<&str> =
             preset.into_iter().chain(["--no-refine", "--config", path(&file)]).collect();
-        let said = failure(&mut propagate(&run, &flags), 3);
+        let stderr = failure(&mut propagate(&run, &flags), 3);
         let expected = if expected == "unknown" { "[transport] applies to" } else { expected };
-        assert!(said.contains(expected), "{text:?} should mention {expected:?}: {said}");
+        assert!(stderr.contains(expected), "{text:?} should mention {expected:?}: {stderr}");
         assert!(!run.exists(), "{text:?}: no output is written");
     }
     for (text, expected) in [
@@ -154,12 +154,12 @@ fn invalid_configurations_are_refused() {
         ("[refine.adam]\nsteps = 5\n[refine.regression]\npasses = 2", "both"),
     ] {
         std::fs::write(&file, text).unwrap();
-        let said = failure(&mut propagate(&run, &["--config", path(&file), "--gpu", "cpu"]), 3);
-        assert!(said.contains(expected), "{text:?} should mention {expected:?}: {said}");
+        let stderr = failure(&mut propagate(&run, &["--config", path(&file), "--gpu", "cpu"]), 3);
+        assert!(stderr.contains(expected), "{text:?} should mention {expected:?}: {stderr}");
         assert!(!run.exists(), "{text:?}: no output is written");
     }
-    let said = failure(&mut propagate(&run, &["--config", "/nowhere/c4d.toml"]), 3);
-    assert!(said.contains("/nowhere/c4d.toml"), "{said}");
+    let stderr = failure(&mut propagate(&run, &["--config", "/nowhere/c4d.toml"]), 3);
+    assert!(stderr.contains("/nowhere/c4d.toml"), "{stderr}");
     std::fs::write(&file, [0xff, 0xfe, 0x00]).unwrap();
     failure(&mut propagate(&run, &["--config", path(&file)]), 3);
 }

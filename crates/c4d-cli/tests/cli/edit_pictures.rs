@@ -47,8 +47,8 @@ fn pictures_are_written_edited_and_fitted() {
     assert_eq!((cameras[0].width, cameras[0].height), (64, 48), "their size");
 
     let same = dir.path().join("same.ply");
-    let (_, said) = success(&mut edit(&frame, &views, &same));
-    assert!(said.contains("no picture differs"), "{said}");
+    let (_, stderr) = success(&mut edit(&frame, &views, &same));
+    assert!(stderr.contains("no picture differs"), "{stderr}");
     let ply = frame.join("point_cloud.ply");
     assert!(fs::read(&same).unwrap() == fs::read(&ply).unwrap(), "byte for byte");
 
@@ -65,8 +65,8 @@ fn pictures_are_written_edited_and_fitted() {
     opaque.save(views.join("view_01.png")).unwrap();
 
     let edited = dir.path().join("edited.ply");
-    let (result, said) = success(&mut edit(&frame, &views, &edited));
-    assert!(said.contains("4 of 4 pictures are edited"), "{said}");
+    let (result, stderr) = success(&mut edit(&frame, &views, &edited));
+    assert!(stderr.contains("4 of 4 pictures are edited"), "{stderr}");
     assert!(result.contains("edited.ply ("), "{result}");
     let (before, after) = (
         gs_io::ply::read_file(&ply).unwrap().splats,
@@ -96,8 +96,8 @@ fn pictures_that_do_not_fit_are_refused() {
     let picture = views.join("view_01.png");
     let good = fs::read(&picture).unwrap();
     let refused = |what: &str| {
-        let said = failure(&mut edit(&frame, &views, &output), 3);
-        assert!(said.contains(what) && said.contains("next: "), "{what}: {said}");
+        let stderr = failure(&mut edit(&frame, &views, &output), 3);
+        assert!(stderr.contains(what) && stderr.contains("next: "), "{what}: {stderr}");
         assert!(!output.exists(), "{what}: no output is written");
         fs::write(&picture, &good).unwrap();
     };
@@ -125,20 +125,20 @@ fn pictures_that_do_not_fit_are_refused() {
         GrayImage::new(64, side).save(masks.join(format!("view_0{k}.png"))).unwrap();
     }
     let mut command = edit(&frame, &views, &output);
-    let said = failure(command.arg("--mask").arg(&masks), 3);
-    assert!(said.contains("64×20 pixels, expected 64×48"), "{said}");
+    let stderr = failure(command.arg("--mask").arg(&masks), 3);
+    assert!(stderr.contains("64×20 pixels, expected 64×48"), "{stderr}");
     // A greyscale picture is accepted.
     let grey = image::open(&picture).unwrap().to_luma8();
     let grey: ImageBuffer<_, _> = grey;
     DynamicImage::ImageLuma8(grey).save(&picture).unwrap();
-    let (_, said) = success(&mut edit(&frame, &views, &output));
-    assert!(said.contains("1 of 4 pictures are edited"), "{said}");
+    let (_, stderr) = success(&mut edit(&frame, &views, &output));
+    assert!(stderr.contains("1 of 4 pictures are edited"), "{stderr}");
 
     let other = dir.path().join("other.ply");
-    let said = failure(edit(&frame, &views, &other).args(["--reference", "nobody"]), 2);
-    assert!(said.contains("view_00, view_01"), "{said}");
-    let said = failure(edit(&frame, &views, &other).arg("--resume"), 2);
-    assert!(said.contains("no unfinished fit"), "{said}");
+    let stderr = failure(edit(&frame, &views, &other).args(["--reference", "nobody"]), 2);
+    assert!(stderr.contains("view_00, view_01"), "{stderr}");
+    let stderr = failure(edit(&frame, &views, &other).arg("--resume"), 2);
+    assert!(stderr.contains("no unfinished fit"), "{stderr}");
     failure(&mut edit(&frame, &views, &dir.path().join("edited.spz")), 2);
     failure(&mut edit(&frame, &views, &frame.join("point_cloud.ply")), 2);
 }

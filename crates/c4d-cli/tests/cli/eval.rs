@@ -11,20 +11,20 @@ fn value(document: &Value, id: &str) -> Value {
 }
 
 #[test]
-fn a_run_is_measured_alike_on_any_number_of_threads() {
+fn metrics_are_the_same_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let run = synth_run(folder.path());
     let mut files = Vec::new();
     for threads in ["1", "2", "7"] {
         let file = folder.path().join(format!("{threads}.json"));
-        let (said, _) = success(
+        let (stdout, _) = success(
             c4d(["eval"])
                 .arg(&run)
                 .args(["--frames", "4", "--size", "96x72", "--threads", threads, "-o"])
                 .arg(&file),
         );
-        assert!(said.contains("warp_error_ratio") && said.contains("→1"), "a table: {said}");
-        assert!(said.contains("not measured (no ground truth given (--truth))"), "{said}");
+        assert!(stdout.contains("warp_error_ratio") && stdout.contains("→1"), "a table: {stdout}");
+        assert!(stdout.contains("not measured (no ground truth given (--truth))"), "{stdout}");
         files.push(std::fs::read_to_string(file).unwrap());
     }
     assert!(files[0] == files[1] && files[1] == files[2], "the same file");
@@ -42,7 +42,7 @@ fn a_run_is_its_own_truth() {
     let folder = tempfile::tempdir().unwrap();
     let run = synth_run(folder.path());
     let file = folder.path().join("metrics.json");
-    let (said, _) = success(
+    let (stdout, _) = success(
         c4d(["eval"])
             .arg(&run)
             .args(["--frames", "3", "--size", "96x72", "--metrics", "truth,drift", "--truth"])
@@ -50,7 +50,7 @@ fn a_run_is_its_own_truth() {
             .arg("-o")
             .arg(&file),
     );
-    assert!(!said.contains("warp_error"), "only the requested metrics: {said}");
+    assert!(!stdout.contains("warp_error"), "only the requested metrics: {stdout}");
     let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
     assert_eq!(value(&document, "psnr"), 100.0, "equal");
     assert_eq!(value(&document, "flip"), 0.0, "equal");
@@ -65,7 +65,7 @@ fn pictures_of_a_data_set_are_found_by_name() {
     success(
         c4d(["freeze"]).arg(&source).args(["--views", "2", "--size", "96x72", "-o"]).arg(&cameras),
     );
-    let (said, _) = success(
+    let (stdout, _) = success(
         c4d(["eval"])
             .arg(&source)
             .args(["--times", "0", "--cameras"])
@@ -74,8 +74,8 @@ fn pictures_of_a_data_set_are_found_by_name() {
             .arg(cameras.join("views")),
     );
     assert!(
-        said.contains("psnr") && said.contains(" 100 "),
-        "renders equal their pictures: {said}"
+        stdout.contains("psnr") && stdout.contains(" 100 "),
+        "renders equal their pictures: {stdout}"
     );
 }
 
@@ -124,7 +124,7 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
     }
     let psnr = |name: &str| {
         let file = folder.path().join(name);
-        let (said, noted) = success(
+        let (stdout, stderr) = success(
             c4d(["eval"])
                 .arg(&source)
                 .arg("--cameras")
@@ -135,7 +135,7 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
                 .arg(&file),
         );
         let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
-        value(&document, "psnr").as_f64().unwrap_or_else(|| panic!("{said}{noted}"))
+        value(&document, "psnr").as_f64().unwrap_or_else(|| panic!("{stdout}{stderr}"))
     };
     assert_eq!(psnr("same.json"), 100.0, "the photographs are the renders");
     // Two photographs are swapped.
@@ -146,40 +146,43 @@ fn photographs_of_a_data_set_are_compared_at_their_times() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused() {
+fn requests_that_cannot_be_measured_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let run = synth_run(folder.path());
     let eval = |args: &[&str], code: i32| failure(c4d(["eval"]).arg(&run).args(args), code);
-    let said = eval(&["--metrics", "lpips"], 2);
-    assert!(said.contains("no such metric or group") && said.contains("Groups: core"), "{said}");
+    let stderr = eval(&["--metrics", "lpips"], 2);
+    assert!(
+        stderr.contains("no such metric or group") && stderr.contains("Groups: core"),
+        "{stderr}"
+    );
     let video = folder.path().join("truth.mp4");
     std::fs::write(&video, b"no video").unwrap();
-    let said = eval(&["--truth", video.to_str().unwrap()], 2);
-    assert!(said.contains("compressed video"), "{said}");
-    let said = eval(&["--truth", "nowhere"], 3);
-    assert!(said.contains("no such file"), "{said}");
-    let said = eval(&["--views", "0"], 2);
-    assert!(said.contains("Add --cameras"), "{said}");
+    let stderr = eval(&["--truth", video.to_str().unwrap()], 2);
+    assert!(stderr.contains("compressed video"), "{stderr}");
+    let stderr = eval(&["--truth", "nowhere"], 3);
+    assert!(stderr.contains("no such file"), "{stderr}");
+    let stderr = eval(&["--views", "0"], 2);
+    assert!(stderr.contains("Add --cameras"), "{stderr}");
     let inside = run.join("metrics.json");
-    let said = eval(&["--frames", "2", "-o", inside.to_str().unwrap()], 2);
-    assert!(said.contains("overlap"), "{said}");
+    let stderr = eval(&["--frames", "2", "-o", inside.to_str().unwrap()], 2);
+    assert!(stderr.contains("overlap"), "{stderr}");
     assert!(!inside.exists(), "nothing is left");
 }
 
 #[test]
-fn judges_get_pairs_and_return_scores() {
+fn pairs_for_judges_are_written_and_scores_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let run = synth_run(folder.path());
     let at = |name: &str| folder.path().join(name);
     for (judge, jobs) in [("editscore", 6), ("vebench", 2)] {
         let out = at(judge);
-        let (said, _) = success(
+        let (stdout, _) = success(
             c4d(["eval"])
                 .arg(&run)
                 .args(["--frames", "3", "--size", "48x36", "--prompt", "a hat", "--emit", judge])
                 .arg(&out),
         );
-        assert!(said.contains(&format!("({jobs} jobs)")), "{said}");
+        assert!(stdout.contains(&format!("({jobs} jobs)")), "{stdout}");
         let text = std::fs::read_to_string(out.join("jobs.jsonl")).unwrap();
         assert_eq!(text.lines().count(), jobs, "{judge}");
         for line in text.lines() {
@@ -193,7 +196,7 @@ fn judges_get_pairs_and_return_scores() {
     let scores = at("scores.jsonl");
     std::fs::write(&scores, "{\"id\":\"view_00/00000\",\"scores\":{\"overall\":7}}\n").unwrap();
     let file = at("metrics.json");
-    let (said, _) = success(
+    let (stdout, _) = success(
         c4d(["eval"])
             .arg(&run)
             .args(["--frames", "2", "--size", "48x36", "--metrics", "drift", "--ingest"])
@@ -201,9 +204,9 @@ fn judges_get_pairs_and_return_scores() {
             .arg("-o")
             .arg(&file),
     );
-    assert!(said.contains("judged: overall 7"), "{said}");
+    assert!(stdout.contains("judged: overall 7"), "{stdout}");
     let document: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
     assert_eq!(document["judged"][0]["value"], 7.0, "merged");
-    let said = failure(c4d(["eval"]).arg(&run).args(["--prompt", "x", "--emit", "clip", "x"]), 2);
-    assert!(said.contains("expected editscore or vebench"), "{said}");
+    let stderr = failure(c4d(["eval"]).arg(&run).args(["--prompt", "x", "--emit", "clip", "x"]), 2);
+    assert!(stderr.contains("expected editscore or vebench"), "{stderr}");
 }

@@ -21,12 +21,12 @@ fn every_clip_format_is_written_and_reports_losses() {
         ("splatv", &[0x4b, 0x67, 0, 0], "cubic"),
     ] {
         let path = folder.path().join(format!("clip.{to}"));
-        let (out, said) = success(&mut c4d(export(to, &path, &[])));
+        let (out, stderr) = success(&mut c4d(export(to, &path, &[])));
         assert!(out.contains(&format!("clip.{to}")), "names the file: {out}");
-        assert!(said.contains("not kept: ") && said.contains(expected), "{said}");
+        assert!(stderr.contains("not kept: ") && stderr.contains(expected), "{stderr}");
         assert!(fs::read(&path).unwrap().starts_with(start), "{to}");
-        let said = failure(&mut c4d(export(to, &path, &[])), 2);
-        assert!(said.contains("already exists"), "{said}");
+        let stderr = failure(&mut c4d(export(to, &path, &[])), 2);
+        assert!(stderr.contains("already exists"), "{stderr}");
         success(&mut c4d(export(to, &path, &["-w", "--frames", "1"])));
     }
     let path = folder.path().join("clip.splatv");
@@ -48,17 +48,17 @@ fn every_clip_format_is_written_and_reports_losses() {
     let run = folder.path().join("run");
     let edited = frozen.join("point_cloud.ply");
     let mut propagate = c4d(["propagate", "--no-refine", "--edited"]);
-    let (_, said) = success(propagate.arg(&edited).arg(&path).arg("-o").arg(&run));
-    assert!(said.contains("0 recoloured (exact motion), 0 edited"), "{said}");
+    let (_, stderr) = success(propagate.arg(&edited).arg(&path).arg("-o").arg(&run));
+    assert!(stderr.contains("0 recoloured (exact motion), 0 edited"), "{stderr}");
     fs::write(&path, &fs::read(&path).unwrap()[..1000]).unwrap();
-    let said = failure(c4d(["info"]).arg(&path), 3);
-    assert!(said.contains("truncated") && said.contains("next: Copy or export"), "{said}");
+    let stderr = failure(c4d(["info"]).arg(&path), 3);
+    assert!(stderr.contains("truncated") && stderr.contains("next: Copy or export"), "{stderr}");
     for (name, start) in [("loop.gif", &b"GIF89a"[..]), ("loop.webp", b"RIFF")] {
         let image = folder.path().join(name);
         let arguments =
             ["render", clip, "--size", "64x48", "--frames", "3", "-o", image.to_str().unwrap()];
-        let (_, said) = success(&mut c4d(arguments));
-        assert!(said.contains("not kept: "), "{said}");
+        let (_, stderr) = success(&mut c4d(arguments));
+        assert!(stderr.contains("not kept: "), "{stderr}");
         assert!(fs::read(&image).unwrap().starts_with(start), "{name}");
     }
 }
@@ -83,18 +83,18 @@ fn options_without_effect_are_refused() {
         ("splatv", &["--sh-degree", "1"], "--sh-degree above 0 does not apply to splatv"),
         ("zip", &["--title", "A walk"], "it applies to html"),
     ] {
-        let said = failure(&mut c4d(export(to, &path, more)), 2);
-        assert!(said.contains(expected), "{to} {more:?}: {said}");
+        let stderr = failure(&mut c4d(export(to, &path, more)), 2);
+        assert!(stderr.contains(expected), "{to} {more:?}: {stderr}");
     }
     let source = fixture("synth/source");
     let image = folder.path().join("loop.gif");
     let arguments = ["render", source.to_str().unwrap(), "--passes", "depth", "-o"];
-    let said = failure(c4d(arguments).arg(&image), 2);
-    assert!(said.contains("colour only"), "{said}");
+    let stderr = failure(c4d(arguments).arg(&image), 2);
+    assert!(stderr.contains("colour only"), "{stderr}");
     let broken = folder.path().join("broken.splatv");
     fs::write(&broken, [0x4b, 0x67, 0, 0, 255, 255, 255, 255]).unwrap();
-    let said = failure(c4d(["info"]).arg(&broken), 3);
-    assert!(said.contains("broken.splatv") && said.contains("header"), "{said}");
+    let stderr = failure(c4d(["info"]).arg(&broken), 3);
+    assert!(stderr.contains("broken.splatv") && stderr.contains("header"), "{stderr}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else remains");
 }
 
@@ -107,8 +107,8 @@ fn the_name_implies_the_format() {
     success(&mut c4d(["export", source, "-o", path.to_str().unwrap()]));
     let (out, _) = success(&mut c4d(["info", path.to_str().unwrap()]));
     assert!(out.contains("SPZ frame"), "{out}");
-    let said = failure(&mut c4d(["export", source, "-o", folder.path().to_str().unwrap()]), 2);
-    assert!(said.contains("--to is missing") && said.contains("next: "), "{said}");
+    let stderr = failure(&mut c4d(["export", source, "-o", folder.path().to_str().unwrap()]), 2);
+    assert!(stderr.contains("--to is missing") && stderr.contains("next: "), "{stderr}");
 }
 
 #[test]
@@ -134,14 +134,14 @@ fn info_names_formats_that_are_only_written() {
 }
 
 #[test]
-fn a_manifest_is_beside_a_sequence() {
+fn a_manifest_is_written_next_to_a_sequence() {
     let folder = tempfile::tempdir().unwrap();
     let times = ["--times", "0,0.25,1", "--fps", "12.5"];
     for (to, name) in [("ply-seq", "frames"), ("compressed-seq", "small"), ("zip", "frames.zip")] {
         let output = folder.path().join(name);
         let manifest = folder.path().join(format!("{name}.manifest.json"));
-        let (_, said) = success(&mut c4d(export(to, &output, &times)));
-        assert!(said.contains("the manifest beside it"), "{said}");
+        let (_, stderr) = success(&mut c4d(export(to, &output, &times)));
+        assert!(stderr.contains("the manifest next to it"), "{stderr}");
         let read = || -> serde_json::Value {
             serde_json::from_slice(&fs::read(&manifest).unwrap()).unwrap()
         };
@@ -162,14 +162,14 @@ fn a_manifest_is_beside_a_sequence() {
         }
         success(&mut c4d(export(to, &output, &["--frames", "2"])));
         assert_eq!(read()["num_frames"], 2, "replaced");
-        let said = failure(&mut c4d(export(to, &output, &["--frames", "4"])), 2);
-        assert!(said.contains(&format!("{name} already exists")), "{said}");
+        let stderr = failure(&mut c4d(export(to, &output, &["--frames", "4"])), 2);
+        assert!(stderr.contains(&format!("{name} already exists")), "{stderr}");
         assert_eq!(read()["num_frames"], 2, "unchanged");
         let other = folder.path().join(format!("other_{name}.manifest.json"));
         fs::write(&other, "{\"kind\": \"of my own\"}").unwrap();
         let unwritten = folder.path().join(format!("other_{name}"));
-        let said = failure(&mut c4d(export(to, &unwritten, &["--frames", "2"])), 2);
-        assert!(said.contains("manifest.json already exists") && !unwritten.exists(), "{said}");
+        let stderr = failure(&mut c4d(export(to, &unwritten, &["--frames", "2"])), 2);
+        assert!(stderr.contains("manifest.json already exists") && !unwritten.exists(), "{stderr}");
         fs::remove_file(other).unwrap();
     }
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().flatten().collect();

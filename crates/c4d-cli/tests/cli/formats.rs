@@ -45,12 +45,12 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
         ("splat", "a.splat"),
     ] {
         let edited = at(file);
-        let (_, said) =
+        let (_, stderr) =
             success(&mut c4d(["export", path(&source), "--to", format, "-o", path(&edited)]));
-        assert!(said.contains("not kept: "), "{format} says what it loses: {said}");
-        let said = propagate(&source, &edited, &at("run"));
+        assert!(stderr.contains("not kept: "), "{format} lists its losses: {stderr}");
+        let stderr = propagate(&source, &edited, &at("run"));
         let expected = format!("{} unchanged (exact), 0 recoloured", original[0].len());
-        assert!(said.contains(&expected), "{format}: {said}");
+        assert!(stderr.contains(&expected), "{format}: {stderr}");
         for (t, (found, truth)) in
             exported(&at("run"), &at("out")).iter().zip(&original).enumerate()
         {
@@ -73,10 +73,10 @@ fn untouched_frames_of_lossy_formats_move_like_the_source() {
         path(&at("clip.zip")),
     ]));
     for scene in [&run, &at("clip.zip")] {
-        let said = propagate(scene, &at("a.splat"), &again);
+        let stderr = propagate(scene, &at("a.splat"), &again);
         assert!(
-            said.contains("0 recoloured (exact motion), 0 edited"),
-            "{}: {said}",
+            stderr.contains("0 recoloured (exact motion), 0 edited"),
+            "{}: {stderr}",
             scene.display()
         );
     }
@@ -98,11 +98,11 @@ fn edits_in_lossy_formats_are_detected() {
     }
     let file = at("edited.spz");
     spz::write(&edited, &spz::WriteOptions::default(), &mut File::create(&file).unwrap()).unwrap();
-    let said = propagate(&source, &file, &at("run"));
+    let stderr = propagate(&source, &file, &at("run"));
     let expected =
         format!("{} unchanged (exact), 10 recoloured (exact motion), 0 edited or new", rows - 30);
-    assert!(said.contains(&expected), "{said}");
-    assert!(said.contains("20 splats moved as a group: moved by (0, 0.05, 0)"), "{said}");
+    assert!(stderr.contains(&expected), "{stderr}");
+    assert!(stderr.contains("20 splats moved as a group: moved by (0, 0.05, 0)"), "{stderr}");
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn one_frame_as_ply_is_exact() {
     assert!(read.has_normals, "as required by older readers");
     let again = ["export", path(&source), "--time", "1", "--no-normals", "-w", "-o", path(&file)];
     success(&mut c4d(again));
-    assert!(!ply::read_file(&file).unwrap().has_normals, "unless asked");
+    assert!(!ply::read_file(&file).unwrap().has_normals, "unless requested");
 }
 
 #[test]
@@ -136,9 +136,9 @@ fn axes_are_those_in_which_the_frame_matches() {
     let file = at("theirs.glb");
     let mut out = File::create(&file).unwrap();
     gltf::write(&turned, &gltf::WriteOptions::default(), &mut out).unwrap();
-    let said = propagate(&source, &file, &at("run"));
-    assert!(said.contains("axes read as RDF (x right, y down, z front)"), "{said}");
-    assert!(said.contains(&unchanged), "{said}");
+    let stderr = propagate(&source, &file, &at("run"));
+    assert!(stderr.contains("axes read as RDF (x right, y down, z front)"), "{stderr}");
+    assert!(stderr.contains(&unchanged), "{stderr}");
     // Forced to the right and to the wrong axes.
     let forced = |axes: &str| {
         let run = at("run");
@@ -148,34 +148,34 @@ fn axes_are_those_in_which_the_frame_matches() {
             .output()
             .unwrap()
     };
-    let said = String::from_utf8(forced("ply").stderr).unwrap();
-    assert!(said.contains(&unchanged), "{said}");
-    let said = String::from_utf8(forced("luf").stderr).unwrap();
-    assert!(!said.contains(&unchanged), "{said}");
+    let stderr = String::from_utf8(forced("ply").stderr).unwrap();
+    assert!(stderr.contains(&unchanged), "{stderr}");
+    let stderr = String::from_utf8(forced("luf").stderr).unwrap();
+    assert!(!stderr.contains(&unchanged), "{stderr}");
     // Our SPZ states its axes, so no others are tried.
     let file = at("ours.spz");
     success(
         c4d(["export", path(&source), "--spz-axes", "ply", "-o", path(&file)])
             .args(["--spz-sh-bits", "8,3"]),
     );
-    let said = propagate(&source, &file, &at("run"));
-    assert!(said.contains(&unchanged) && !said.contains("axes read as"), "{said}");
+    let stderr = propagate(&source, &file, &at("run"));
+    assert!(stderr.contains(&unchanged) && !stderr.contains("axes read as"), "{stderr}");
     // A single file: the assumption is reported.
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame_v3.spz"))]));
     assert!(text.contains("read as RUB (x right, y up, z back)"), "{text}");
     let (text, _) = success(&mut c4d(["info", path(&file)]));
     assert!(text.contains("RDF (x right, y down, z front)"), "{text}");
     let out = at("no.spz");
-    let said = failure(
+    let stderr = failure(
         c4d(["export", path(&source), "--spz-sh-bits", "9", "-o", path(&out)]).args(["-q"]),
         2,
     );
-    assert!(said.contains("expected 1 to 8") && !out.exists(), "{said}");
-    let said = failure(
+    assert!(stderr.contains("expected 1 to 8") && !out.exists(), "{stderr}");
+    let stderr = failure(
         c4d(["export", path(&source), "--spz-axes", "ply", "-o", path(&at("no.glb"))]).args(["-q"]),
         2,
     );
-    assert!(said.contains("--spz-axes does not apply to glb"), "{said}");
+    assert!(stderr.contains("--spz-axes does not apply to glb"), "{stderr}");
 }
 
 #[test]
@@ -185,25 +185,25 @@ fn info_shows_frames_and_scenes_refuse_them() {
     let (text, _) = success(&mut c4d(["info", path(&fixture("frames/frame.sog"))]));
     assert!(text.contains("SOG") && text.contains("sh_degree    3"), "{text}");
     let still = fixture("frames/frame.sog");
-    let said = failure(&mut c4d(["export", path(&still), "--to", "html", "-o", "unwritten"]), 3);
+    let stderr = failure(&mut c4d(["export", path(&still), "--to", "html", "-o", "unwritten"]), 3);
     assert!(
-        said.contains("is a single frame") && said.contains("propagate SCENE --edited"),
-        "{said}"
+        stderr.contains("is a single frame") && stderr.contains("propagate SCENE --edited"),
+        "{stderr}"
     );
     let folder = tempfile::tempdir().unwrap();
     let clip = folder.path().join("clip");
     fs::write(&clip, b"glTF and so on").unwrap();
-    let said = failure(&mut c4d(["info", path(&clip)]), 3);
-    assert!(said.contains("glTF version") && said.contains("next"), "{said}");
+    let stderr = failure(&mut c4d(["info", path(&clip)]), 3);
+    assert!(stderr.contains("glTF version") && stderr.contains("next"), "{stderr}");
     fs::write(&clip, b"something else").unwrap();
-    let said = failure(&mut c4d(["info", path(&clip)]), 3);
-    assert!(said.contains("starts with `something else`"), "{said}");
+    let stderr = failure(&mut c4d(["info", path(&clip)]), 3);
+    assert!(stderr.contains("starts with `something else`"), "{stderr}");
     let out = folder.path().join("a.spz");
-    let said = failure(
+    let stderr = failure(
         c4d(["export", path(&fixture("synth/source")), "--to", "spz", "-o", path(&out)])
             .args(["--spz-version", "2"]),
         2,
     );
-    assert!(said.contains("expected 3 or 4") && !out.exists(), "{said}");
+    assert!(stderr.contains("expected 3 or 4") && !out.exists(), "{stderr}");
     assert!(frame::read_file(&fixture("frames/frame.ply")).is_ok(), "the fixture is a frame");
 }

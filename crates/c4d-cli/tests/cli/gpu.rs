@@ -1,8 +1,8 @@
 //! `--gpu`: missing adapters, missing drivers, and the same refinement on an adapter as on the CPU.
 //! Needs a Vulkan driver, which may be a software one; without one these tests fail.
 
-use crate::main_job::recoloured;
 use crate::support::{c4d, failure, fixture, success};
+use crate::workflow::recoloured;
 use std::path::Path;
 
 fn path(path: &Path) -> &str {
@@ -17,26 +17,29 @@ const NO_DRIVER: [(&str, &str); 2] =
 fn devices_that_do_not_exist_are_refused_with_the_next_step() {
     for command in ["doctor", "demo"] {
         let folder = tempfile::tempdir().unwrap();
-        let said = failure(c4d([command, "-g", "999"]).current_dir(folder.path()), 4);
-        assert!(said.contains("adapter 999 does not exist, expected 0"), "{said}");
-        assert!(said.contains("next: c4d doctor lists the adapters"), "{said}");
+        let stderr = failure(c4d([command, "-g", "999"]).current_dir(folder.path()), 4);
+        assert!(stderr.contains("adapter 999 does not exist, expected 0"), "{stderr}");
+        assert!(stderr.contains("next: c4d doctor lists the adapters"), "{stderr}");
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "no output is written");
     }
-    let said = failure(&mut c4d(["doctor", "--gpu", "cuda"]), 2);
-    assert!(said.contains("unknown device `cuda`: expected auto, cpu or the number"), "{said}");
+    let stderr = failure(&mut c4d(["doctor", "--gpu", "cuda"]), 2);
+    assert!(stderr.contains("unknown device `cuda`: expected auto, cpu or the number"), "{stderr}");
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn without_a_driver_the_cpu_renders_unless_an_adapter_was_requested() {
-    let (told, _) = success(c4d(["doctor"]).envs(NO_DRIVER));
+    let (stdout, _) = success(c4d(["doctor"]).envs(NO_DRIVER));
     assert!(
-        told.contains("CPU, ") && told.contains("no graphics adapter found; none is needed"),
-        "{told}"
+        stdout.contains("CPU, ") && stdout.contains("no graphics adapter found; none is needed"),
+        "{stdout}"
     );
-    let said = failure(c4d(["doctor", "-g", "0"]).envs(NO_DRIVER), 4);
-    assert!(said.contains("no usable graphics adapter found; adapters present: none"), "{said}");
-    assert!(said.contains("--gpu cpu works without one"), "{said}");
+    let stderr = failure(c4d(["doctor", "-g", "0"]).envs(NO_DRIVER), 4);
+    assert!(
+        stderr.contains("no usable graphics adapter found; adapters present: none"),
+        "{stderr}"
+    );
+    assert!(stderr.contains("--gpu cpu works without one"), "{stderr}");
 }
 
 /// Drivers' errors about a missing desktop session are suppressed.
@@ -44,9 +47,13 @@ fn without_a_driver_the_cpu_renders_unless_an_adapter_was_requested() {
 #[cfg(target_os = "linux")]
 fn without_a_desktop_no_driver_errors_are_printed() {
     let mut command = c4d(["doctor", "-g", "0"]);
-    let (told, said) = success(command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR"));
-    assert_eq!(said, "", "standard error");
-    assert!(told.contains("selected with `--gpu`") && told.contains("times as fast"), "{told}");
+    let (stdout, stderr) =
+        success(command.env_remove("NODEVICE_SELECT").env_remove("XDG_RUNTIME_DIR"));
+    assert_eq!(stderr, "");
+    assert!(
+        stdout.contains("selected with `--gpu`") && stdout.contains("times as fast"),
+        "{stdout}"
+    );
 }
 
 #[test]

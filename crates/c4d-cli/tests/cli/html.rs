@@ -11,11 +11,14 @@ fn a_run_becomes_one_page_with_both_scenes() {
     let run = path("run");
     success(&mut c4d(["propagate", source, "--no-refine", "--edited", edited, "-o", &run]));
     let page = path("first_walk.html");
-    let (out, said) =
+    let (out, stderr) =
         success(&mut c4d(["export", &run, "--to", "html", "--frames", "3", "-o", &page]));
     assert!(out.contains("first_walk.html"), "names the file: {out}");
-    assert!(said.contains("before the edit and") && said.contains("the same"), "counts: {said}");
-    assert!(said.contains("positions are within"), "reports losses: {said}");
+    assert!(
+        stderr.contains("before the edit and") && stderr.contains("the same"),
+        "counts: {stderr}"
+    );
+    assert!(stderr.contains("positions are within"), "reports losses: {stderr}");
     let text = std::fs::read_to_string(&page).unwrap();
     assert!(text.contains("<title>First walk</title>"), "title from the name");
     assert!(text.contains("src=\"data:image/jpeg;base64,"), "a poster");
@@ -29,8 +32,8 @@ fn a_run_becomes_one_page_with_both_scenes() {
     let still = path("still.html");
     let arguments =
         ["export", source, "--to", "html", "--frames", "1", "--title", "A & B", "-o", &still];
-    let (_, said) = success(&mut c4d(arguments));
-    assert!(!said.contains("before the edit"), "one scene: {said}");
+    let (_, stderr) = success(&mut c4d(arguments));
+    assert!(!stderr.contains("before the edit"), "one scene: {stderr}");
     let text = std::fs::read_to_string(&still).unwrap();
     assert!(text.contains("<title>A &amp; B</title>"), "title as given");
     assert!(text.contains(",0],\"overlays\":[]"), "no second scene");
@@ -45,12 +48,12 @@ fn pages_refuse_invalid_inputs_like_other_exports() {
     let source = source.to_str().unwrap();
     let export =
         |more: &[&str]| c4d(["export", source, "--to", "html", "-o", page].iter().chain(more));
-    let said = failure(&mut export(&["--sh-degree", "3"]), 2);
-    assert!(said.contains("--sh-degree 3"), "{said}");
-    let said = failure(&mut export(&["--fps", "0"]), 2);
-    assert!(said.contains("--fps 0"), "{said}");
+    let stderr = failure(&mut export(&["--sh-degree", "3"]), 2);
+    assert!(stderr.contains("--sh-degree 3"), "{stderr}");
+    let stderr = failure(&mut export(&["--fps", "0"]), 2);
+    assert!(stderr.contains("--fps 0"), "{stderr}");
     std::fs::write(page, "mine").unwrap();
-    let said = failure(&mut export(&["--frames", "2"]), 2);
-    assert!(said.contains("already exists"), "{said}");
+    let stderr = failure(&mut export(&["--frames", "2"]), 2);
+    assert!(stderr.contains("already exists"), "{stderr}");
     assert_eq!(std::fs::read_to_string(page).unwrap(), "mine", "untouched");
 }

@@ -7,10 +7,10 @@ use std::path::Path;
 /// The object that a command prints, and its exit code.
 fn object(arguments: &[&str], folder: &Path) -> (Value, Option<i32>) {
     let output = c4d(arguments).arg("--json").current_dir(folder).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let object = serde_json::from_str(&text)
-        .unwrap_or_else(|error| panic!("{arguments:?}: {error}; printed {text}; said {said}"));
+        .unwrap_or_else(|error| panic!("{arguments:?}: {error}; printed {text}; stderr {stderr}"));
     (object, output.status.code())
 }
 

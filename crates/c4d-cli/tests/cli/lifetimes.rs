@@ -8,22 +8,22 @@ use std::path::{Path, PathBuf};
 
 const FRAMES: usize = 21;
 
-struct Desk {
+struct Setup {
     folder: tempfile::TempDir,
     scene: BriefTruthScene,
 }
 
-impl Desk {
+impl Setup {
     /// A scene as frames, and an edit of the splats that the first frame shows.
     fn new(case: BriefCase) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let params = BriefParams { num_splats: 2_000, lives: [0.2, 0.4], ..BriefParams::default() };
         let scene = build_brief(case, &params).unwrap();
-        let desk = Self { folder, scene };
+        let setup = Self { folder, scene };
         let (times, options) = (TimeRange::UNIT.frames(FRAMES), ply::WriteOptions::default());
-        let source = &desk.scene.source;
+        let source = &setup.scene.source;
         ply_sequence::write_folder(
-            &desk.at("source"),
+            &setup.at("source"),
             source,
             &times,
             &options,
@@ -31,9 +31,9 @@ impl Desk {
             &mut |_| {},
         )
         .unwrap();
-        let edited = &desk.scene.edited;
-        ply::write_file(&desk.at("edited.ply"), edited, &options, Existing::Refuse).unwrap();
-        desk
+        let edited = &setup.scene.edited;
+        ply::write_file(&setup.at("edited.ply"), edited, &options, Existing::Refuse).unwrap();
+        setup
     }
 
     fn at(&self, name: &str) -> PathBuf {
@@ -90,48 +90,48 @@ fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
 }
 
 #[test]
-fn lifetimes_decide_and_runs_remember() {
-    let desk = Desk::new(BriefCase::Recolour);
-    let said = desk.propagate("run", &["--no-refine"]);
-    assert!(said.contains("inherit the edit (--follow surface)"), "{said}");
-    assert!(said.contains("inherited: ") && said.contains("; confidence "), "{said}");
-    assert!(desk.toml("run").contains("follow = \"surface\""), "{}", desk.toml("run"));
-    let report = std::fs::read_to_string(desk.at("run").join("run.json")).unwrap();
+fn lifetimes_determine_the_default_and_runs_record_it() {
+    let setup = Setup::new(BriefCase::Recolour);
+    let stderr = setup.propagate("run", &["--no-refine"]);
+    assert!(stderr.contains("inherit the edit (--follow surface)"), "{stderr}");
+    assert!(stderr.contains("inherited: ") && stderr.contains("; confidence "), "{stderr}");
+    assert!(setup.toml("run").contains("follow = \"surface\""), "{}", setup.toml("run"));
+    let report = std::fs::read_to_string(setup.at("run").join("run.json")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
-    assert!(report["descent"]["recoloured"].as_u64().unwrap() > 50, "{report}");
-    let (shown, _) = success(&mut c4d(["info", text(&desk.at("run"))]));
-    assert!(shown.contains("follow surface") && shown.contains("reached by descent"), "{shown}");
-    let late = &desk.frames("run")[3];
-    let share = still_old(&desk.scene, late, 0.75);
+    assert!(report["inheritance"]["recoloured"].as_u64().unwrap() > 50, "{report}");
+    let (shown, _) = success(&mut c4d(["info", text(&setup.at("run"))]));
+    assert!(shown.contains("follow surface") && shown.contains(" inherited"), "{shown}");
+    let late = &setup.frames("run")[3];
+    let share = still_old(&setup.scene, late, 0.75);
     assert!(share < 0.1, "{share}");
 
     // With `--follow splats`, the old colours return.
-    let said = desk.propagate("splats", &["--no-refine", "--follow", "splats"]);
-    assert!(said.contains("disappears where other splats replace them"), "{said}");
-    assert!(desk.toml("splats").contains("follow = \"splats\""), "{}", desk.toml("splats"));
-    let share = still_old(&desk.scene, &desk.frames("splats")[3], 0.75);
+    let stderr = setup.propagate("splats", &["--no-refine", "--follow", "splats"]);
+    assert!(stderr.contains("disappears where other splats replace them"), "{stderr}");
+    assert!(setup.toml("splats").contains("follow = \"splats\""), "{}", setup.toml("splats"));
+    let share = still_old(&setup.scene, &setup.frames("splats")[3], 0.75);
     assert!(share > 0.3, "{share}");
 
     // A record is a configuration and gives the same bytes.
-    let config = desk.at("run").join("c4d.toml");
-    desk.propagate("again", &["--config", text(&config)]);
-    let bytes = |run: &str| std::fs::read(desk.at(run).join("scene.c4d")).unwrap();
+    let config = setup.at("run").join("c4d.toml");
+    setup.propagate("again", &["--config", text(&config)]);
+    let bytes = |run: &str| std::fs::read(setup.at(run).join("scene.c4d")).unwrap();
     assert!(bytes("run") == bytes("again"), "bit for bit");
     for threads in ["1", "7"] {
         let run = format!("with-{threads}");
-        desk.propagate(&run, &["--no-refine", "--threads", threads]);
+        setup.propagate(&run, &["--no-refine", "--threads", threads]);
         assert!(bytes("run") == bytes(&run), "{threads} threads: bit for bit");
     }
 }
 
 #[test]
-fn runs_on_surfaces_are_refined_and_shown_as_others() {
-    let desk = Desk::new(BriefCase::Hat);
+fn runs_that_follow_surfaces_are_refined_and_displayed() {
+    let setup = Setup::new(BriefCase::Hat);
     let refine = ["--samples", "6", "--refine-frames", "3", "--refine-size", "96x72"];
-    let said = desk.propagate("run", &refine);
-    assert!(said.contains("refin"), "{said}");
-    let run = desk.at("run");
-    let (page, pictures) = (desk.at("page.html"), desk.at("pictures"));
+    let stderr = setup.propagate("run", &refine);
+    assert!(stderr.contains("refin"), "{stderr}");
+    let run = setup.at("run");
+    let (page, pictures) = (setup.at("page.html"), setup.at("pictures"));
     success(&mut c4d([
         "render",
         text(&run),
@@ -144,8 +144,8 @@ fn runs_on_surfaces_are_refined_and_shown_as_others() {
     ]));
     success(&mut c4d(["export", text(&run), "--to", "html", "--frames", "4", "-o", text(&page)]));
     assert!(page.metadata().unwrap().len() > 10_000, "a page");
-    let frames = desk.frames("run");
-    let new = desk.scene.truth.new_rows().iter().filter(|new| **new).count();
+    let frames = setup.frames("run");
+    let new = setup.scene.truth.new_rows().iter().filter(|new| **new).count();
     for frame in &frames {
         let first = frame.len() - new;
         for row in first..frame.len() {
@@ -153,8 +153,8 @@ fn runs_on_surfaces_are_refined_and_shown_as_others() {
         }
     }
     // A second edit: a run can be a source.
-    let again = desk.at("again");
-    let edited = desk.at("second.ply");
+    let again = setup.at("again");
+    let edited = setup.at("second.ply");
     ply::write_file(&edited, &frames[0], &ply::WriteOptions::default(), Existing::Refuse).unwrap();
     success(&mut c4d([
         "propagate",
@@ -169,11 +169,11 @@ fn runs_on_surfaces_are_refined_and_shown_as_others() {
 
 #[test]
 fn damaged_records_of_surfaces_are_refused() {
-    let desk = Desk::new(BriefCase::Delete);
-    desk.propagate("run", &["--no-refine"]);
-    let file = desk.at("run").join("scene.c4d");
+    let setup = Setup::new(BriefCase::Delete);
+    setup.propagate("run", &["--no-refine"]);
+    let file = setup.at("run").join("scene.c4d");
     let bytes = std::fs::read(&file).unwrap();
-    let config = desk.toml("run");
+    let config = setup.toml("run");
     // A row beyond the frame: the last of the inherited rows is the first value after its name.
     let header = u64::from_le_bytes(bytes[..8].try_into().unwrap());
     let names: serde_json::Value =
@@ -183,30 +183,30 @@ fn damaged_records_of_surfaces_are_refused() {
     let mut broken = bytes.clone();
     broken[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     std::fs::write(&file, broken).unwrap();
-    let said = failure(&mut c4d(["info", text(&desk.at("run"))]), 3);
-    assert!(said.contains("scene.c4d") && said.contains("descendants"), "{said}");
+    let stderr = failure(&mut c4d(["info", text(&setup.at("run"))]), 3);
+    assert!(stderr.contains("scene.c4d") && stderr.contains("descendants"), "{stderr}");
     std::fs::write(&file, bytes).unwrap();
     let config = config.replace("follow = \"surface\"", "follow = \"water\"");
-    let path = desk.at("other.toml");
+    let path = setup.at("other.toml");
     std::fs::write(&path, config).unwrap();
-    let said = failure(
+    let stderr = failure(
         &mut c4d([
             "propagate",
-            text(&desk.at("source")),
+            text(&setup.at("source")),
             "--edited",
-            text(&desk.at("edited.ply")),
+            text(&setup.at("edited.ply")),
             "--config",
             text(&path),
             "-o",
-            text(&desk.at("third")),
+            text(&setup.at("third")),
         ]),
         3,
     );
-    assert!(said.contains("`follow` is \"water\", expected splats or surface"), "{said}");
+    assert!(stderr.contains("`follow` is \"water\", expected splats or surface"), "{stderr}");
 }
 
 #[test]
-fn lasting_scenes_follow_splats() {
+fn scenes_of_permanent_splats_follow_splats() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, flags: &[&str]| {
         let (source, edited) = (fixture("synth/source"), fixture("synth/edited.ply"));
@@ -220,9 +220,9 @@ fn lasting_scenes_follow_splats() {
             "-o",
             text(&out),
         ];
-        let said = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())).1;
-        assert!(!said.contains("descent"), "{said}");
+        let stderr = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>())).1;
+        assert!(!stderr.contains("inherit"), "{stderr}");
         std::fs::read(out.join("scene.c4d")).unwrap()
     };
-    assert!(run("usual", &[]) == run("asked", &["--follow", "splats"]), "bit for bit");
+    assert!(run("default", &[]) == run("explicit", &["--follow", "splats"]), "bit for bit");
 }

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod cameras;
+mod command_line;
 mod compare;
 mod configuration;
 mod edit_pictures;
@@ -15,8 +16,6 @@ mod html;
 mod images;
 mod json;
 mod lifetimes;
-mod look;
-mod main_job;
 mod moved_edits;
 mod neural;
 mod operations;
@@ -31,3 +30,4 @@ mod support;
 mod swift4d;
 mod synth_run;
 mod view;
+mod workflow;

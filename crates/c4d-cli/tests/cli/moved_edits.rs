@@ -1,4 +1,4 @@
-//! Edits that were moved, belong to another time, or are incomplete:
+//! Edits that were moved, belong to a different time, or are incomplete:
 //! messages, refusals, and the effect of the flags.
 
 use crate::support::{c4d, failure, fixture, success};
@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 const HALF_TURN_ABOUT_X: Similarity =
     Similarity { rotation: [0.0, 1.0, 0.0, 0.0], ..Similarity::IDENTITY };
 
-struct Desk {
+struct Setup {
     folder: tempfile::TempDir,
 }
 
-impl Desk {
+impl Setup {
     fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
     }
@@ -100,23 +100,23 @@ fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Spla
 
 #[test]
 fn a_rotated_scene_is_detected_and_align_undoes_it() {
-    let (desk, frames) = (Desk::new(), originals());
-    let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
-    let said = failure(&mut desk.propagate(&edited, "refused", &[]), 3);
-    assert!(said.contains("is the scene rotated 180° about x"), "{said}");
-    assert!(said.contains("--align"), "the next step: {said}");
-    assert!(!desk.at("refused").exists(), "no output is written");
+    let (setup, frames) = (Setup::new(), originals());
+    let edited = setup.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
+    let stderr = failure(&mut setup.propagate(&edited, "refused", &[]), 3);
+    assert!(stderr.contains("is the scene rotated 180° about x"), "{stderr}");
+    assert!(stderr.contains("--align"), "the next step: {stderr}");
+    assert!(!setup.at("refused").exists(), "no output is written");
 
-    let (_, said) = success(&mut desk.propagate(&edited, "run", &["--align"]));
-    assert!(said.contains("rotated 180° about x: this was undone"), "{said}");
-    for (found, original) in desk.frames("run").iter().zip(&frames) {
+    let (_, stderr) = success(&mut setup.propagate(&edited, "run", &["--align"]));
+    assert!(stderr.contains("rotated 180° about x: this was undone"), "{stderr}");
+    for (found, original) in setup.frames("run").iter().zip(&frames) {
         assert_eq!(found, original, "the source's own values, bit for bit");
     }
     // Without --align, the scene moves in the rotated frame.
-    let (_, said) = success(&mut desk.propagate(&edited, "kept", &["--allow-far"]));
-    assert!(said.contains("keeps this"), "{said}");
+    let (_, stderr) = success(&mut setup.propagate(&edited, "kept", &["--allow-far"]));
+    assert!(stderr.contains("keeps this"), "{stderr}");
     let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
-    let found = desk.frames("kept");
+    let found = setup.frames("kept");
     let far = |a: &Splats, b: &Splats| {
         let pairs = a.means.iter().zip(&b.means);
         pairs
@@ -134,7 +134,7 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
 
 #[test]
 fn axes_scale_and_handedness_of_other_tools() {
-    let (desk, frames) = (Desk::new(), originals());
+    let (setup, frames) = (Setup::new(), originals());
     let half = std::f64::consts::FRAC_1_SQRT_2;
     for (name, similarity, words) in [
         (
@@ -154,21 +154,21 @@ fn axes_scale_and_handedness_of_other_tools() {
             "moved by (40, 0, -7)",
         ),
     ] {
-        let edited = desk.save(&format!("{name}.ply"), &similarity.place(&frames[0]));
-        let said = failure(&mut desk.propagate(&edited, &format!("{name}-no"), &[]), 3);
-        assert!(said.contains(words), "{name}: {said}");
-        success(&mut desk.propagate(&edited, name, &["--align"]));
-        assert_eq!(desk.frames(name)[1], frames[1], "{name}: bit for bit");
+        let edited = setup.save(&format!("{name}.ply"), &similarity.place(&frames[0]));
+        let stderr = failure(&mut setup.propagate(&edited, &format!("{name}-no"), &[]), 3);
+        assert!(stderr.contains(words), "{name}: {stderr}");
+        success(&mut setup.propagate(&edited, name, &["--align"]));
+        assert_eq!(setup.frames(name)[1], frames[1], "{name}: bit for bit");
     }
     // For an unchanged edit there is nothing to undo.
-    let same = desk.save("same.ply", &frames[0]);
-    let (_, said) = success(&mut desk.propagate(&same, "same", &["--align"]));
-    assert!(said.contains("nothing to undo"), "{said}");
+    let same = setup.save("same.ply", &frames[0]);
+    let (_, stderr) = success(&mut setup.propagate(&same, "same", &["--align"]));
+    assert!(stderr.contains("nothing to undo"), "{stderr}");
 }
 
 #[test]
 fn a_scaled_selection_is_counted_and_stored() {
-    let (desk, frames) = (Desk::new(), originals());
+    let (setup, frames) = (Setup::new(), originals());
     let rows = top(&frames, 0.4);
     assert!(rows.len() > 20, "{} splats selected", rows.len());
     let n = rows.len() as f64;
@@ -176,14 +176,14 @@ fn a_scaled_selection_is_counted_and_stored() {
     let centre = [0, 1, 2].map(|k| sum(k) / n);
     let similarity =
         Similarity { scale: 1.3, translation: centre.map(|c| -0.3 * c), ..Similarity::IDENTITY };
-    let edited = desk.save("scaled.ply", &with_placed(&frames[0], &rows, &similarity));
-    let (_, said) = success(&mut desk.propagate(&edited, "run", &[]));
+    let edited = setup.save("scaled.ply", &with_placed(&frames[0], &rows, &similarity));
+    let (_, stderr) = success(&mut setup.propagate(&edited, "run", &[]));
     let expected = format!("{} splats moved as a group: scaled by 1.3", rows.len());
-    assert!(said.contains(&expected), "expected `{expected}`: {said}");
-    let json = std::fs::read_to_string(desk.at("run/run.json")).unwrap();
+    assert!(stderr.contains(&expected), "expected `{expected}`: {stderr}");
+    let json = std::fs::read_to_string(setup.at("run/run.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["edited"]["moved"], rows.len(), "run.json");
-    let (shown, _) = success(&mut c4d(["info", text(&desk.at("run"))]));
+    let (shown, _) = success(&mut c4d(["info", text(&setup.at("run"))]));
     assert!(shown.contains(&format!("{} moved", rows.len())), "info: {shown}");
     // The frames of the run are 1.3 times as wide as the source's at every time.
     let width = |splats: &Splats| {
@@ -192,31 +192,34 @@ fn a_scaled_selection_is_counted_and_stored() {
             .map(|i| (0..3).map(|k| (at(i)[k] - at(0)[k]).powi(2)).sum::<f32>().sqrt())
             .fold(0.0, f32::max)
     };
-    for (found, original) in desk.frames("run").iter().zip(&frames) {
+    for (found, original) in setup.frames("run").iter().zip(&frames) {
         let ratio = width(found) / width(original);
         assert!((ratio - 1.3).abs() < 1e-3, "{ratio} times as wide");
     }
     // The paper's baseline ignores moved groups.
-    let (_, said) = success(&mut desk.propagate(&edited, "knn", &["--baseline", "knn"]));
-    assert!(!said.contains("moved as a group"), "{said}");
+    let (_, stderr) = success(&mut setup.propagate(&edited, "knn", &["--baseline", "knn"]));
+    assert!(!stderr.contains("moved as a group"), "{stderr}");
 }
 
 #[test]
 fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
-    let (desk, frames) = (Desk::new(), originals());
+    let (setup, frames) = (Setup::new(), originals());
     let rows = top(&frames, 0.4);
     let mut selection = frames[0].select(&rows);
     let coeffs = selection.sh_coeffs();
     selection.sh.iter_mut().step_by(coeffs).for_each(|dc| *dc = [0.9, -0.4, 0.1]);
-    let edited = desk.save("selection.ply", &selection);
-    let (_, said) = success(&mut desk.propagate(&edited, "only", &[]));
-    assert!(said.contains("are removed at all times") && said.contains("--keep-rest"), "{said}");
-    assert_eq!(desk.frames("only")[1].len(), rows.len(), "as asked");
+    let edited = setup.save("selection.ply", &selection);
+    let (_, stderr) = success(&mut setup.propagate(&edited, "only", &[]));
+    assert!(
+        stderr.contains("are removed at all times") && stderr.contains("--keep-rest"),
+        "{stderr}"
+    );
+    assert_eq!(setup.frames("only")[1].len(), rows.len(), "only the selection");
 
-    let (_, said) = success(&mut desk.propagate(&edited, "all", &["--keep-rest"]));
+    let (_, stderr) = success(&mut setup.propagate(&edited, "all", &["--keep-rest"]));
     let rest = frames[0].len() - rows.len();
-    assert!(said.contains(&format!("--keep-rest: {rest} splats of the scene added")), "{said}");
-    let found = &desk.frames("all")[1];
+    assert!(stderr.contains(&format!("--keep-rest: {rest} splats of the scene added")), "{stderr}");
+    let found = &setup.frames("all")[1];
     assert_eq!(found.len(), frames[0].len(), "nothing is missing");
     let others: Vec<usize> = (0..frames[1].len()).filter(|i| !rows.contains(i)).collect();
     let tail: Vec<usize> = (rows.len()..found.len()).collect();
@@ -229,18 +232,19 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     // A selection that was scaled before it was saved does not change the size
     // of the whole scene, unless --align is given.
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
-    let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
-    let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
+    let edited = setup.save("larger.ply", &larger.place(&frames[0].select(&rows)));
+    let (_, stderr) = success(&mut setup.propagate(&edited, "larger", &[]));
     assert!(
-        said.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),
-        "{said}"
+        stderr.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),
+        "{stderr}"
     );
-    let (_, said) = success(&mut desk.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
-    assert!(said.contains("scaled by 1.5"), "{said}");
-    let (found, order) = (&desk.frames("aligned")[1], [&rows[..], &others[..]].concat());
+    let (_, stderr) =
+        success(&mut setup.propagate(&edited, "aligned", &["--align", "--keep-rest"]));
+    assert!(stderr.contains("scaled by 1.5"), "{stderr}");
+    let (found, order) = (&setup.frames("aligned")[1], [&rows[..], &others[..]].concat());
     assert_eq!(*found, frames[1].select(&order), "the original scene, bit for bit");
 
-    // For an edit of another scene there is nothing to add.
+    // For an edit of a different scene there is nothing to add.
     let mut other = frames[0].clone();
     for (i, (scale, dc)) in (0_u16..).zip(other.log_scales.iter_mut().zip(&mut other.sh)) {
         let odd = f32::from(i * 37 % 101) / 101.0 + 0.01;
@@ -249,14 +253,14 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
         *dc = [odd, -odd, 1.0 - odd];
     }
     other.means.iter_mut().for_each(|mean| mean[1] += 0.05 + 0.02 * mean[0].sin());
-    let edited = desk.save("other.ply", &other);
-    let said = failure(&mut desk.propagate(&edited, "none", &["--keep-rest"]), 2);
-    assert!(said.contains("nothing to add"), "{said}");
+    let edited = setup.save("other.ply", &other);
+    let stderr = failure(&mut setup.propagate(&edited, "none", &["--keep-rest"]), 2);
+    assert!(stderr.contains("nothing to add"), "{stderr}");
 }
 
 #[test]
-fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
-    let (desk, frames) = (Desk::new(), originals());
+fn matched_splats_take_precedence_over_bounds_and_unmatched_edits_are_refused() {
+    let (setup, frames) = (Setup::new(), originals());
     let mut dome = frames[0].clone();
     for i in 0..frames[0].len() {
         dome.push_from(&frames[0], i);
@@ -270,9 +274,9 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
     for (i, scale) in (0_u16..).zip(dome.log_scales.iter_mut().skip(frames[0].len())) {
         *scale = [3.0, 3.0 + f32::from(i % 17) * 0.1, 4.0 + f32::from(i % 13) * 0.1];
     }
-    let edited = desk.save("dome.ply", &dome);
-    let (_, said) = success(&mut desk.propagate(&edited, "dome", &[]));
-    assert!(said.contains(&format!("{} unchanged", frames[0].len())), "{said}");
+    let edited = setup.save("dome.ply", &dome);
+    let (_, stderr) = success(&mut setup.propagate(&edited, "dome", &[]));
+    assert!(stderr.contains(&format!("{} unchanged", frames[0].len())), "{stderr}");
 
     // Other splats next to the scene: within the
     // bounds, but none of them matches the scene.
@@ -284,28 +288,28 @@ fn matched_splats_decide_before_bounds_and_none_is_a_refusal() {
         *scale = scale.map(|s| s + f32::from(i % 89 * 53 % 89) * 0.01);
         scale[1] += f32::from(i * 29 % 83) * 0.01;
     }
-    let edited = desk.save("beside.ply", &beside);
-    let said = failure(&mut desk.propagate(&edited, "beside", &[]), 3);
-    assert!(said.contains("0 of its") && said.contains("--allow-far"), "{said}");
-    success(&mut desk.propagate(&edited, "beside", &["--allow-far"]));
+    let edited = setup.save("beside.ply", &beside);
+    let stderr = failure(&mut setup.propagate(&edited, "beside", &[]), 3);
+    assert!(stderr.contains("0 of its") && stderr.contains("--allow-far"), "{stderr}");
+    success(&mut setup.propagate(&edited, "beside", &["--allow-far"]));
 }
 
 #[test]
-fn the_time_of_an_edit_of_another_time_is_reported() {
-    let (desk, frames) = (Desk::new(), originals());
+fn the_time_of_an_edit_of_a_different_frame_is_reported() {
+    let (setup, frames) = (Setup::new(), originals());
     assert!(frames.len() >= 3, "a middle frame");
     let middle = 1;
     let time = middle as f32 / (frames.len() - 1) as f32;
-    let edited = desk.save("middle.ply", &frames[middle]);
-    let said = failure(&mut desk.propagate(&edited, "wrong", &[]), 2);
-    assert!(said.contains(&format!("is an edit of the scene at time {time}")), "{said}");
-    assert!(said.contains(&format!("Run again with --time {time}")), "{said}");
-    success(&mut desk.propagate(&edited, "right", &["--time", &time.to_string()]));
+    let edited = setup.save("middle.ply", &frames[middle]);
+    let stderr = failure(&mut setup.propagate(&edited, "wrong", &[]), 2);
+    assert!(stderr.contains(&format!("is an edit of the scene at time {time}")), "{stderr}");
+    assert!(stderr.contains(&format!("Run again with --time {time}")), "{stderr}");
+    success(&mut setup.propagate(&edited, "right", &["--time", &time.to_string()]));
 }
 
 /// A sequence of two frames in which every fifth splat appears only in the second.
-fn fading(desk: &Desk) -> (PathBuf, Vec<Splats>, Vec<usize>) {
-    let folder = desk.at("fading");
+fn fading(setup: &Setup) -> (PathBuf, Vec<Splats>, Vec<usize>) {
+    let folder = setup.at("fading");
     std::fs::create_dir(&folder).unwrap();
     let mut frames: Vec<Splats> = originals().into_iter().take(2).collect();
     let hidden: Vec<usize> = (0..frames[0].len()).step_by(5).collect();
@@ -314,35 +318,35 @@ fn fading(desk: &Desk) -> (PathBuf, Vec<Splats>, Vec<usize>) {
         frames[1].opacity_logits[i] = 3.0;
     }
     for (i, frame) in frames.iter().enumerate() {
-        desk.save(&format!("fading/{i:05}.ply"), frame);
+        setup.save(&format!("fading/{i:05}.ply"), frame);
     }
     (folder, frames, hidden)
 }
 
 #[test]
 fn invisible_splats_are_counted_omitted_and_kept() {
-    let desk = Desk::new();
-    let (scene, frames, hidden) = fading(&desk);
+    let setup = Setup::new();
+    let (scene, frames, hidden) = fading(&setup);
     let freeze = |name: &str, flags: &[&str]| {
-        let out = desk.at(name);
+        let out = setup.at(name);
         let fixed = ["freeze", text(&scene), "-o", text(&out)];
-        let (_, said) = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>()));
-        (out.join("point_cloud.ply"), said)
+        let (_, stderr) = success(&mut c4d(fixed.iter().chain(flags).copied().collect::<Vec<_>>()));
+        (out.join("point_cloud.ply"), stderr)
     };
     let count = format!("{} of {} splats are invisible", hidden.len(), frames[0].len());
-    let (_, said) = freeze("whole", &[]);
-    assert!(said.contains(&count) && said.contains("--visible"), "{said}");
-    let (file, said) = freeze("visible", &["--visible"]);
-    assert!(said.contains(&count) && said.contains("left out"), "{said}");
+    let (_, stderr) = freeze("whole", &[]);
+    assert!(stderr.contains(&count) && stderr.contains("--visible"), "{stderr}");
+    let (file, stderr) = freeze("visible", &["--visible"]);
+    assert!(stderr.contains(&count) && stderr.contains("omitted"), "{stderr}");
     let visible = ply::read_file(&file).unwrap().splats;
-    assert_eq!(visible.len(), frames[0].len() - hidden.len(), "left out");
+    assert_eq!(visible.len(), frames[0].len() - hidden.len(), "omitted");
 
     // An editor rewrites the file and deletes a tenth of the splats.
     let kept: Vec<usize> = (0..visible.len()).filter(|i| i % 10 != 0).collect();
-    let edited = desk.save("edited.ply", &visible.select(&kept));
-    let (run, out) = (desk.at("run"), desk.at("out"));
-    let (_, said) = success(&mut propagate(&scene, &edited, &run, &[]));
-    assert!(said.contains("are not in") && said.contains("and are kept"), "{said}");
+    let edited = setup.save("edited.ply", &visible.select(&kept));
+    let (run, out) = (setup.at("run"), setup.at("out"));
+    let (_, stderr) = success(&mut propagate(&scene, &edited, &run, &[]));
+    assert!(stderr.contains("are not in") && stderr.contains("and are kept"), "{stderr}");
     success(&mut c4d(["export", text(&run), "--to", "ply-seq", "--frames", "2", "-o", text(&out)]));
     let last = &read_frames(&out)[1];
     assert_eq!(last.len(), kept.len() + hidden.len(), "they are back");
@@ -355,8 +359,8 @@ fn invisible_splats_are_counted_omitted_and_kept() {
     let coeffs = edit.sh_coeffs();
     let recoloured = some.iter().position(|i| i % 5 == 0).unwrap();
     edit.sh[recoloured * coeffs] = [0.9, 0.1, -0.3];
-    let edited = desk.save("cropped.ply", &edit);
-    let (_, said) = success(&mut propagate(&scene, &edited, &desk.at("cropped"), &[]));
+    let edited = setup.save("cropped.ply", &edit);
+    let (_, stderr) = success(&mut propagate(&scene, &edited, &setup.at("cropped"), &[]));
     let removed = hidden.iter().filter(|i| **i % 10 == 0).count();
-    assert!(said.contains(&format!("1 changed, {removed} removed")), "{said}");
+    assert!(stderr.contains(&format!("1 changed, {removed} removed")), "{stderr}");
 }

@@ -44,7 +44,7 @@ fn weights(folder: &Path) -> PathBuf {
 
 fn items(folder: &Path, weights: &Path, more: &[&str]) -> (Vec<Value>, String) {
     let file = folder.join("metrics.json");
-    let (said, _) = success(
+    let (stdout, _) = success(
         c4d(["eval"])
             .arg(folder.join("run"))
             .args(["--frames", "3", "--size", "96x72", "--metrics", "neural", "-w", "--weights"])
@@ -54,7 +54,7 @@ fn items(folder: &Path, weights: &Path, more: &[&str]) -> (Vec<Value>, String) {
             .arg(&file),
     );
     let document: Value = serde_json::from_slice(&fs::read(file).unwrap()).unwrap();
-    (document["items"].as_array().unwrap().clone(), said)
+    (document["items"].as_array().unwrap().clone(), stdout)
 }
 
 fn item<'a>(items: &'a [Value], id: &str) -> &'a Value {
@@ -62,11 +62,11 @@ fn item<'a>(items: &'a [Value], id: &str) -> &'a Value {
 }
 
 #[test]
-fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
+fn metrics_are_measured_for_the_available_weights() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
     let run = synth_run(folder.path());
-    let (all, said) = items(folder.path(), &weights, &["--truth", run.to_str().unwrap()]);
+    let (all, stderr) = items(folder.path(), &weights, &["--truth", run.to_str().unwrap()]);
     assert_eq!(item(&all, "lpips_alex")["value"], 0.0, "the run is its own truth");
     let file = item(&all, "lpips_alex")["weights"].as_str().unwrap();
     assert!(
@@ -84,7 +84,7 @@ fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
     assert!(reason.contains("merges.txt"), "{reason}");
     let reason = item(&all, "lpips_vgg")["reason"].as_str().unwrap();
     assert!(reason.contains("VGG-16"), "{reason}");
-    assert!(said.contains("vbench_consistency"), "{said}");
+    assert!(stderr.contains("vbench_consistency"), "{stderr}");
 
     // The source against the edit: a distance.
     let source = fixture("synth/source");
@@ -94,14 +94,14 @@ fn the_weights_of_a_folder_make_the_metrics_that_they_can() {
 }
 
 #[test]
-fn prompts_are_compared_where_there_is_a_tokenizer() {
+fn prompts_are_compared_if_a_tokenizer_is_available() {
     let folder = tempfile::tempdir().unwrap();
     let weights = weights(folder.path());
     synth_run(folder.path());
     // Merges of single characters only, because the test's vocabulary has only 600 entries.
     let merges: Vec<String> = (0..48_894).map(|at| format!("unused{at} merge{at}")).collect();
     fs::write(weights.join("merges.txt"), format!("#version\n{}", merges.join("\n"))).unwrap();
-    let told = failure(
+    let stderr = failure(
         c4d(["eval"])
             .arg(folder.path().join("run"))
             .args(["--frames", "2", "--size", "64x48", "--prompt", "red", "--weights"])
@@ -110,13 +110,13 @@ fn prompts_are_compared_where_there_is_a_tokenizer() {
     );
     // The end of a text is token 49407, which is not in the test's weights.
     assert!(
-        told.contains("token_embedding") && told.contains("both from the same source"),
-        "{told}"
+        stderr.contains("token_embedding") && stderr.contains("both from the same source"),
+        "{stderr}"
     );
 }
 
 #[test]
-fn folders_that_cannot_be_used_are_named() {
+fn errors_name_unusable_folders() {
     let folder = tempfile::tempdir().unwrap();
     synth_run(folder.path());
     let eval = |weights: &Path| {
@@ -128,19 +128,19 @@ fn folders_that_cannot_be_used_are_named() {
             3,
         )
     };
-    let told = eval(&folder.path().join("missing"));
-    assert!(told.contains("--weights") && told.contains("EVALUATION.md"), "{told}");
+    let stderr = eval(&folder.path().join("missing"));
+    assert!(stderr.contains("--weights") && stderr.contains("EVALUATION.md"), "{stderr}");
     let weights = folder.path().join("weights");
     fs::create_dir(&weights).unwrap();
     fs::write(weights.join("ViT-B-32.pt"), b"PK not a file of tensors").unwrap();
-    let told = eval(&weights);
-    assert!(told.contains("ViT-B-32.pt") && told.contains("model.safetensors"), "{told}");
+    let stderr = eval(&weights);
+    assert!(stderr.contains("ViT-B-32.pt") && stderr.contains("model.safetensors"), "{stderr}");
     fs::remove_file(weights.join("ViT-B-32.pt")).unwrap();
     write_safetensors("clip", &weights.join("model.safetensors"));
     let whole = fs::read(weights.join("model.safetensors")).unwrap();
     for len in [0, 7, 100, whole.len() / 2] {
         fs::write(weights.join("model.safetensors"), &whole[..len]).unwrap();
-        let told = eval(&weights);
-        assert!(told.contains("model.safetensors"), "cut to {len}: {told}");
+        let stderr = eval(&weights);
+        assert!(stderr.contains("model.safetensors"), "cut to {len}: {stderr}");
     }
 }

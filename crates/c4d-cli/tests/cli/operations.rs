@@ -42,8 +42,8 @@ fn an_edit_keeps_its_motion() {
         "--preview",
         "look.png",
     ];
-    let (said, _) = success(&mut edit(folder.path(), &arguments));
-    assert!(said.contains("edited.ply"), "{said}");
+    let (stdout, _) = success(&mut edit(folder.path(), &arguments));
+    assert!(stdout.contains("edited.ply"), "{stdout}");
     assert_eq!(listing(folder.path()), ["edited.edit.json", "edited.ply", "look.png"], "outputs");
     let (original, edited) = (splats(&source().join("frame_00000.ply")), splats(&at("edited.ply")));
     let changed = (0..original.len()).filter(|&i| original.sh_of(i) != edited.sh_of(i)).count();
@@ -139,8 +139,8 @@ fn a_record_repeats_the_edit_from_anywhere() {
         std::fs::read_to_string(elsewhere.path().join("c.edit.json")).unwrap().contains("hue"),
         "added"
     );
-    let said = failure(&mut edit(folder.path(), &arguments), 2);
-    assert!(said.contains("already exists") && said.contains("-w"), "{said}");
+    let stderr = failure(&mut edit(folder.path(), &arguments), 2);
+    assert!(stderr.contains("already exists") && stderr.contains("-w"), "{stderr}");
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn a_frozen_frame_is_edited_through_masks() {
         command.current_dir(folder.path());
         command
     };
-    let (said, _) = success(&mut run(&[
+    let (stdout, _) = success(&mut run(&[
         "--select",
         "mask frozen/masks",
         "--color",
@@ -168,7 +168,7 @@ fn a_frozen_frame_is_edited_through_masks() {
         "-o",
         "red.ply",
     ]));
-    let count: usize = said
+    let count: usize = stdout
         .split("mask frozen/masks: ")
         .nth(1)
         .unwrap()
@@ -189,18 +189,19 @@ fn a_frozen_frame_is_edited_through_masks() {
         header.comments
     );
 
-    let said = failure(&mut run(&["--select", "mask none", "--delete", "-o", "a.ply"]), 3);
-    assert!(said.contains("none does not exist"), "{said}");
-    let said = failure(&mut run(&["--select", "moving", "--delete", "-o", "a.ply"]), 2);
-    assert!(said.contains("need a dynamic scene"), "{said}");
+    let stderr = failure(&mut run(&["--select", "mask none", "--delete", "-o", "a.ply"]), 3);
+    assert!(stderr.contains("none does not exist"), "{stderr}");
+    let stderr = failure(&mut run(&["--select", "moving", "--delete", "-o", "a.ply"]), 2);
+    assert!(stderr.contains("need a dynamic scene"), "{stderr}");
     image::GrayImage::new(64, 64).save(masks.join("orbit_00.png")).unwrap();
-    let said = failure(&mut run(&["--select", "mask frozen/masks", "--delete", "-o", "a.ply"]), 3);
-    assert!(said.contains("expected the proportions of its camera"), "{said}");
+    let stderr =
+        failure(&mut run(&["--select", "mask frozen/masks", "--delete", "-o", "a.ply"]), 3);
+    assert!(stderr.contains("expected the proportions of its camera"), "{stderr}");
     assert!(!folder.path().join("a.ply").exists(), "no output is written");
 }
 
 #[test]
-fn wrong_edits_are_said_and_nothing_is_written() {
+fn invalid_edits_are_refused_without_output() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("style.png"), b"\x89PNG\r\n\x1a\n and no more").unwrap();
     image::RgbImage::new(3, 200).save(folder.path().join("dot.png")).unwrap();
@@ -236,9 +237,9 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         (vec!["--select", "all"], 2, "there is no action"),
     ] {
         let arguments: Vec<&str> = arguments.into_iter().chain(["-o", "out.ply"]).collect();
-        let said = failure(&mut edit(folder.path(), &arguments), code);
-        assert!(said.contains(expected), "{arguments:?}: {said}");
-        assert!(said.contains("next: "), "{arguments:?}: {said}");
+        let stderr = failure(&mut edit(folder.path(), &arguments), code);
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
+        assert!(stderr.contains("next: "), "{arguments:?}: {stderr}");
         assert_eq!(listing(folder.path()), before, "{arguments:?}: no output is written");
     }
     for (arguments, expected) in [
@@ -248,14 +249,14 @@ fn wrong_edits_are_said_and_nothing_is_written() {
         (vec!["--hue", "9", "--views", "x", "-o", "a.ply"], "exclude each other"),
         (vec!["--hue", "9", "-o", "a.ply", "--preview", "a.ply"], "the same file"),
     ] {
-        let said = failure(&mut edit(folder.path(), &arguments), 2);
-        assert!(said.contains(expected), "{arguments:?}: {said}");
+        let stderr = failure(&mut edit(folder.path(), &arguments), 2);
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr}");
     }
     // A picture that is an input is not replaced, even with -w.
     image::RgbImage::from_pixel(4, 4, image::Rgb([200, 30, 30]))
         .save(folder.path().join("in.png"))
         .unwrap();
     let arguments = ["--match-colors", "in.png", "--preview", "in.png", "-o", "a.ply", "-w"];
-    let said = failure(&mut edit(folder.path(), &arguments), 2);
-    assert!(said.contains("overlap"), "{said}");
+    let stderr = failure(&mut edit(folder.path(), &arguments), 2);
+    assert!(stderr.contains("overlap"), "{stderr}");
 }

@@ -22,17 +22,20 @@ fn passes_show_parts_motion_confidence_and_changes() {
     let passes = "parts,motion,confidence,changed,uncertainty";
     let arguments =
         ["--times", "0.5", "--size", "96x72", "--passes", passes, "--background", "0,0,1"];
-    let (_, said) = success(c4d(["render"]).arg(&run).args(arguments).arg("-o").arg(&out));
+    let (_, stderr) = success(c4d(["render"]).arg(&run).args(arguments).arg("-o").arg(&out));
     for name in ["parts", "motion", "confidence", "changed", "uncertainty"] {
         assert!(out.join(name).join("00000.png").is_file(), "{name}");
     }
-    assert!(said.contains("part 1, "), "the legend counts splats: {said}");
-    assert!(said.contains("unchanged") && said.contains("units"), "and names classes: {said}");
+    assert!(stderr.contains("part 1, "), "the legend counts splats: {stderr}");
+    assert!(
+        stderr.contains("unchanged") && stderr.contains("units"),
+        "and names classes: {stderr}"
+    );
     let images = ["parts", "motion", "confidence", "changed"]
         .map(|name| colors(&out.join(name).join("00000.png")));
     for (i, image) in images.iter().enumerate() {
         assert!(image.len() > 20, "colours of several classes, mixed");
-        assert!(images[..i].iter().all(|other| other != image), "each pass is another image");
+        assert!(images[..i].iter().all(|other| other != image), "each pass is a different image");
     }
 
     // Values in formats that store them.
@@ -55,19 +58,19 @@ fn overlays_of_edits_need_a_run() {
     let out = folder.path().join("out");
     let source = fixture("synth/source");
     for pass in ["confidence", "changed"] {
-        let said = failure(
+        let stderr = failure(
             c4d(["render"]).arg(&source).args(["--frames", "1", "--passes", pass, "-o"]).arg(&out),
             2,
         );
-        assert!(said.contains("is not a run") && said.contains("parts or motion"), "{said}");
+        assert!(stderr.contains("is not a run") && stderr.contains("parts or motion"), "{stderr}");
         assert!(!out.exists(), "nothing is left");
     }
     let run = synth_run(folder.path());
-    let said = failure(
+    let stderr = failure(
         c4d(["render"]).arg(&run).args(["--side-by-side", "--passes", "parts", "-o"]).arg(&out),
         2,
     );
-    assert!(said.contains("--side-by-side shows"), "{said}");
+    assert!(stderr.contains("--side-by-side shows"), "{stderr}");
 }
 
 #[test]
@@ -82,6 +85,6 @@ fn pages_offer_overlays() {
         assert!(text.contains(&format!("{{\"name\":\"{name}\",\"title\":")), "{name}");
     }
     let glb = folder.path().join("frame.glb");
-    let said = failure(c4d(["export"]).arg(&run).args(["--overlay", "parts", "-o"]).arg(&glb), 2);
-    assert!(said.contains("--overlay does not apply to glb"), "{said}");
+    let stderr = failure(c4d(["export"]).arg(&run).args(["--overlay", "parts", "-o"]).arg(&glb), 2);
+    assert!(stderr.contains("--overlay does not apply to glb"), "{stderr}");
 }

@@ -34,7 +34,7 @@ fn same_file(a: &Path, b: &Path) {
 }
 
 #[test]
-fn gathered_images_are_those_of_one_run() {
+fn gathered_images_equal_those_of_a_single_call() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let (source, cameras) = (fixture("synth/source"), fixture("cameras/dynerf"));
@@ -69,7 +69,7 @@ fn gathered_images_are_those_of_one_run() {
 }
 
 #[test]
-fn gathered_videos_are_those_of_one_run() {
+fn gathered_videos_equal_those_of_a_single_call() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let run = synth_run(folder.path());
@@ -104,7 +104,7 @@ fn gathered_videos_are_those_of_one_run() {
 }
 
 #[test]
-fn gathered_numbers_are_those_of_one_run() {
+fn gathered_metrics_equal_those_of_a_single_call() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let run = synth_run(folder.path());
@@ -129,9 +129,9 @@ fn gathered_numbers_are_those_of_one_run() {
     for of in [2, 5] {
         let parts = parts(folder.path(), of, &command);
         let gathered = at(&format!("gathered{of}.json"));
-        let (said, _) = success(c4d(["gather"]).args(&parts).arg("-o").arg(&gathered));
+        let (stdout, _) = success(c4d(["gather"]).args(&parts).arg("-o").arg(&gathered));
         same_file(&at("whole.json"), &gathered);
-        assert_eq!(table, said, "the same table");
+        assert_eq!(table, stdout, "the same table");
         for part in &parts {
             std::fs::remove_file(part).unwrap();
         }
@@ -139,7 +139,7 @@ fn gathered_numbers_are_those_of_one_run() {
 }
 
 #[test]
-fn a_gathered_refinement_is_that_of_one_run() {
+fn a_gathered_refinement_equals_that_of_a_single_call() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     // View-dependent colours, so that images are needed.
@@ -169,14 +169,14 @@ fn a_gathered_refinement_is_that_of_one_run() {
     let made = parts(folder.path(), 3, &command);
     assert_eq!(std::fs::read(run.join("scene.c4d")).unwrap(), before, "parts leave the run alone");
     success(c4d(["refine"]).arg(&whole).args(flags));
-    let (_, said) = success(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run));
-    assert!(said.contains("images already exist"), "the images of the parts: {said}");
+    let (_, stderr) = success(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run));
+    assert!(stderr.contains("images already exist"), "the images of the parts: {stderr}");
     same_file(&whole.join("scene.c4d"), &run.join("scene.c4d"));
     assert!(before != std::fs::read(run.join("scene.c4d")).unwrap(), "the run is refined");
     assert!(!run.join("refine.images").exists(), "and nothing is left over");
     // The run has changed after the parts were made.
-    let said = failure(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run), 2);
-    assert!(said.contains("is not the run of which"), "{said}");
+    let stderr = failure(c4d(["gather", "-g", "cpu"]).args(&made).arg("-o").arg(&run), 2);
+    assert!(stderr.contains("is not the run of which"), "{stderr}");
 }
 
 #[test]
@@ -188,41 +188,44 @@ fn parts_that_do_not_fit_are_refused() {
     let command = ["render", source, "--frames", "4", "--size", "48x36", "-g", "cpu"];
     let made = parts(folder.path(), 3, &command);
     let refusal = |parts: &[&Path], code: i32| {
-        let said = failure(c4d(["gather"]).args(parts).arg("-o").arg(at("joined")), code);
-        assert!(!at("joined").exists(), "nothing is written: {said}");
-        said
+        let stderr = failure(c4d(["gather"]).args(parts).arg("-o").arg(at("joined")), code);
+        assert!(!at("joined").exists(), "nothing is written: {stderr}");
+        stderr
     };
     let [third, second, first] = [&made[0], &made[1], &made[2]].map(PathBuf::as_path);
-    let said = refusal(&[first, third], 2);
-    assert!(said.contains("part 2 of 3 missing") && said.contains("--part 2/3"), "{said}");
-    let said = refusal(&[first, second, second, third], 2);
-    assert!(said.contains("both part 2 of 3"), "{said}");
+    let stderr = refusal(&[first, third], 2);
+    assert!(stderr.contains("part 2 of 3 missing") && stderr.contains("--part 2/3"), "{stderr}");
+    let stderr = refusal(&[first, second, second, third], 2);
+    assert!(stderr.contains("both part 2 of 3"), "{stderr}");
     std::fs::create_dir(at("smaller")).unwrap();
     let smaller = ["render", source, "--frames", "4", "--size", "40x36", "-g", "cpu"];
     let other = parts(&at("smaller"), 3, &smaller);
-    let said = refusal(&[first, &other[1], third], 2);
-    assert!(said.contains("different work: cameras differs"), "{said}");
+    let stderr = refusal(&[first, &other[1], third], 2);
+    assert!(stderr.contains("different work: cameras differs"), "{stderr}");
     let image = listing(second).into_iter().find(|name| name.starts_with("rgb")).unwrap();
     let bytes = std::fs::read(second.join(&image)).unwrap();
     std::fs::write(second.join(&image), &bytes[1..]).unwrap();
-    let said = refusal(&[first, second, third], 3);
-    assert!(said.contains(&image) && said.contains("was changed after it was written"), "{said}");
+    let stderr = refusal(&[first, second, third], 3);
+    assert!(
+        stderr.contains(&image) && stderr.contains("was changed after it was written"),
+        "{stderr}"
+    );
     std::fs::remove_file(second.join(&image)).unwrap();
-    let said = refusal(&[first, second, third], 3);
-    assert!(said.contains("is missing"), "{said}");
-    let said = refusal(&[first, Path::new(source), third], 3);
-    assert!(said.contains("is not a part"), "{said}");
-    let said = refusal(&[&fixture("synth/edited.ply")], 3);
-    assert!(said.contains("is not a part"), "{said}");
-    let said = refusal(&[&at("none")], 3);
-    assert!(said.contains("no such part"), "{said}");
+    let stderr = refusal(&[first, second, third], 3);
+    assert!(stderr.contains("is missing"), "{stderr}");
+    let stderr = refusal(&[first, Path::new(source), third], 3);
+    assert!(stderr.contains("is not a part"), "{stderr}");
+    let stderr = refusal(&[&fixture("synth/edited.ply")], 3);
+    assert!(stderr.contains("is not a part"), "{stderr}");
+    let stderr = refusal(&[&at("none")], 3);
+    assert!(stderr.contains("no such part"), "{stderr}");
     std::fs::write(first.join("part.json"), "{\"part\": 1}").unwrap();
-    let said = refusal(&[first], 3);
-    assert!(said.contains("part.json"), "{said}");
+    let stderr = refusal(&[first], 3);
+    assert!(stderr.contains("part.json"), "{stderr}");
 
     let video = ["render", source, "--part", "1/2", "-o", "clip.mp4"];
-    let said = failure(&mut c4d(video), 2);
-    assert!(said.contains("--part writes a folder") && said.contains("c4d gather"), "{said}");
-    let said = failure(&mut c4d(["render", source, "--part", "3/2", "-o", "x"]), 2);
-    assert!(said.contains("expected K/N"), "{said}");
+    let stderr = failure(&mut c4d(video), 2);
+    assert!(stderr.contains("--part writes a folder") && stderr.contains("c4d gather"), "{stderr}");
+    let stderr = failure(&mut c4d(["render", source, "--part", "3/2", "-o", "x"]), 2);
+    assert!(stderr.contains("expected K/N"), "{stderr}");
 }

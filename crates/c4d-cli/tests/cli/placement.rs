@@ -44,8 +44,8 @@ fn moved(mut splats: Splats, scale: f64, shift: [f64; 3]) -> Splats {
 fn picture(scene: &Path, more: &[&str]) -> (Vec<u8>, String) {
     let png = scene.with_extension("png");
     let mut command = c4d(["render", "--size", "160x120", "--times", "0,0.5", "-w", "-g", "cpu"]);
-    let (_, said) = success(command.args(more).arg(scene).arg("-o").arg(&png));
-    (image::open(&png).unwrap().to_rgb8().into_raw(), said)
+    let (_, stderr) = success(command.args(more).arg(scene).arg("-o").arg(&png));
+    (image::open(&png).unwrap().to_rgb8().into_raw(), stderr)
 }
 
 fn psnr(a: &[u8], b: &[u8]) -> f64 {
@@ -55,7 +55,7 @@ fn psnr(a: &[u8], b: &[u8]) -> f64 {
 }
 
 #[test]
-fn rigs_render_any_size_and_position_alike() {
+fn rigs_render_the_same_image_for_any_size_and_position() {
     let folder = tempfile::tempdir().unwrap();
     let here = placed(folder.path(), 1.0, [0.0; 3]);
     for cameras in ["front", "orbit"] {
@@ -74,10 +74,10 @@ fn rigs_render_any_size_and_position_alike() {
         ] {
             let scene = folder.path().join(format!("scene_{scale}_{}", shift[0]));
             let scene = if scene.exists() { scene } else { placed(folder.path(), scale, shift) };
-            let (found, said) = picture(&scene, &["--cameras", cameras]);
+            let (found, stderr) = picture(&scene, &["--cameras", cameras]);
             let db = psnr(&found, &expected);
             assert!(db > RIG_DB, "{cameras}, {scale} times, moved by {shift:?}: {db:.1} dB");
-            assert!(!said.contains("warning"), "{said}");
+            assert!(!stderr.contains("warning"), "{stderr}");
         }
     }
 }
@@ -120,8 +120,11 @@ fn cameras_of_a_file_render_a_small_scene_and_its_run() {
 fn positions_too_coarse_in_single_precision_cause_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let scene = placed(folder.path(), 1.0, [1e6, 0.0, 0.0]);
-    let (_, said) = picture(&scene, &[]);
-    assert!(said.contains("warning") && said.contains("1.0e6 units from its origin"), "{said}");
+    let (_, stderr) = picture(&scene, &[]);
+    assert!(
+        stderr.contains("warning") && stderr.contains("1.0e6 units from its origin"),
+        "{stderr}"
+    );
 }
 
 #[test]
@@ -136,8 +139,8 @@ fn an_empty_image_causes_a_warning() {
         command.arg("-o").arg(folder.path().join(out));
         command
     };
-    let (_, said) = success(&mut render("a.png", &[]));
-    assert!(said.contains("warning: no image shows any of the scene's splats"), "{said}");
+    let (_, stderr) = success(&mut render("a.png", &[]));
+    assert!(stderr.contains("warning: no image shows any of the scene's splats"), "{stderr}");
     let output = render("b.png", &["--strict"]).output().unwrap();
     assert_eq!(output.status.code(), Some(6), "a warning under --strict");
     failure(&mut render("a.png", &[]), 2);

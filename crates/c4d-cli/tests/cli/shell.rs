@@ -7,7 +7,7 @@ const COMMANDS: [&str; 9] =
     ["info", "doctor", "freeze", "edit", "propagate", "refine", "render", "export", "demo"];
 
 #[test]
-fn completions_know_every_command_and_parse() {
+fn completions_contain_every_command_and_parse() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let (script, _) = success(&mut c4d(["completions", shell]));
         for command in COMMANDS {

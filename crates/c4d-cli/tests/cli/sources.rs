@@ -50,7 +50,7 @@ fn scenes() -> Vec<(&'static str, SceneKind, PathBuf, Vec<&'static str>)> {
 }
 
 #[test]
-fn unedited_moves_bit_for_bit_like_the_source() {
+fn unedited_splats_move_bit_for_bit_like_the_source() {
     for (name, kind, scene, flags) in scenes() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
@@ -110,11 +110,11 @@ fn unedited_moves_bit_for_bit_like_the_source() {
 #[test]
 fn flags_are_checked() {
     let model = fixture("bases/fudan4dgs/shfs4d/model");
-    let said = failure(&mut c4d(["info", path(&model)]), 3);
-    assert!(said.contains("Give --set time_duration=START,END"), "{said}");
+    let stderr = failure(&mut c4d(["info", path(&model)]), 3);
+    assert!(stderr.contains("Give --set time_duration=START,END"), "{stderr}");
     for wrong in ["time_duration=10", "time_duration=10,0", "time_duration=a,b", "grid_pe=2"] {
-        let said = failure(&mut c4d(["info", path(&model), "--set", wrong]), 2);
-        assert!(said.contains("time_duration=START,END"), "{wrong}: {said}");
+        let stderr = failure(&mut c4d(["info", path(&model), "--set", wrong]), 2);
+        assert!(stderr.contains("time_duration=START,END"), "{wrong}: {stderr}");
     }
     let scgs = fixture("bases/scgs/blender_w64/model");
     failure(&mut c4d(["info", path(&scgs), "--set", "time_duration=0,1"]), 2);

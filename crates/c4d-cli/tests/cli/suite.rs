@@ -43,8 +43,8 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     success(command().args(["--part", "1/2"]));
     assert!(!out.join("table.md").exists(), "a part makes no table");
     success(command().args(["--part", "2/2"]));
-    let (table, said) = success(&mut command());
-    assert!(said.contains("0 runs made, 2 kept, 0 failed"), "{said}");
+    let (table, stderr) = success(&mut command());
+    assert!(stderr.contains("0 runs computed, 2 reused, 0 failed"), "{stderr}");
     for part in ["## figure: all", "| metric | default | knn |", "| `bg_psnr` ↑ |", "`drift`"] {
         assert!(table.contains(part), "{part} in {table}");
     }
@@ -54,31 +54,37 @@ fn every_edit_is_measured_with_every_method_and_completed_runs_are_kept() {
     // As after a killed call: one of the runs is missing.
     std::fs::remove_dir_all(out.join("figure/all/knn")).unwrap();
     let before = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
-    let (again, said) = success(&mut command());
-    assert!(said.contains("1 runs made, 1 kept"), "{said}");
+    let (again, stderr) = success(&mut command());
+    assert!(stderr.contains("1 runs computed, 1 reused"), "{stderr}");
     assert_eq!(again, table, "the same table");
     let after = std::fs::read(out.join("figure/all/default/run/scene.c4d")).unwrap();
     assert!(before == after, "the completed run is not touched");
 }
 
 #[test]
-fn other_inputs_and_failing_methods_are_named() {
+fn changed_inputs_and_failed_methods_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let failing = "\n[[methods]]\nname = \"network\"\nflags = [\"--baseline\", \"deformnet\"]\n";
     let file = suite(folder.path(), failing);
     let command = || c4d(["bench", "suite", &file, "-o", out.to_str().unwrap()]);
     // The sequence has no deformation network, so one method fails; the others are measured.
-    let said = failure(&mut command(), 1);
-    assert!(said.contains("figure/all/network") && said.contains("1 of 3 runs failed"), "{said}");
+    let stderr = failure(&mut command(), 1);
+    assert!(
+        stderr.contains("figure/all/network") && stderr.contains("1 of 3 runs failed"),
+        "{stderr}"
+    );
     let table = std::fs::read_to_string(out.join("table.md")).unwrap();
     assert!(table.contains("network failed.") && table.contains("| metric | default |"), "{table}");
 
     let changed = suite(folder.path(), "");
     let text = std::fs::read_to_string(&changed).unwrap();
     std::fs::write(&changed, text.replace("\"2\"", "\"3\"")).unwrap();
-    let said = failure(&mut command(), 2);
-    assert!(said.contains("was made from other inputs or flags") && said.contains("-w"), "{said}");
+    let stderr = failure(&mut command(), 2);
+    assert!(
+        stderr.contains("was computed from different inputs or flags") && stderr.contains("-w"),
+        "{stderr}"
+    );
     success(command().arg("-w"));
 
     for (from, to, expected) in [
@@ -91,8 +97,8 @@ fn other_inputs_and_failing_methods_are_named() {
         std::fs::write(&changed, text.replace(from, to)).unwrap();
         let other = folder.path().join("other");
         let command = c4d(["bench", "suite", &changed, "-o"]).arg(&other).output().unwrap();
-        let said = String::from_utf8_lossy(&command.stderr);
-        assert!(!command.status.success() && said.contains(expected), "{expected}: {said}");
-        assert!(!other.exists(), "nothing is written: {said}");
+        let stderr = String::from_utf8_lossy(&command.stderr);
+        assert!(!command.status.success() && stderr.contains(expected), "{expected}: {stderr}");
+        assert!(!other.exists(), "nothing is written: {stderr}");
     }
 }

@@ -36,16 +36,16 @@ pub(crate) fn listing(folder: &Path) -> Vec<String> {
 /// Runs, expects failure with `code`, and returns standard error.
 pub(crate) fn failure(command: &mut Command, code: i32) -> String {
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(code), "exit code; said: {said}");
-    assert!(said.contains("error: "), "an error is announced: {said}");
-    said
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "exit code; stderr: {stderr}");
+    assert!(stderr.contains("error: "), "an error is announced: {stderr}");
+    stderr
 }
 
 /// Runs, expects success, and returns standard output and standard error.
 pub(crate) fn success(command: &mut Command) -> (String, String) {
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{:?}; said: {said}", output.status);
-    (String::from_utf8_lossy(&output.stdout).into_owned(), said)
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{:?}; stderr: {stderr}", output.status);
+    (String::from_utf8_lossy(&output.stdout).into_owned(), stderr)
 }

@@ -31,7 +31,7 @@ fn copy(to: &Path) -> (PathBuf, PathBuf) {
 }
 
 #[test]
-fn unedited_moves_bit_for_bit_like_the_source() {
+fn unedited_splats_move_bit_for_bit_like_the_source() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let model = fixture("swift4d/model");
@@ -61,9 +61,9 @@ fn unedited_moves_bit_for_bit_like_the_source() {
         "-o",
         path(&run),
     ]);
-    let (_, said) = success(&mut propagate);
-    assert!(said.contains("3000 unchanged (exact)"), "all are found: {said}");
-    assert!(said.contains("from 1210 moving"), "the model's own split: {said}");
+    let (_, stderr) = success(&mut propagate);
+    assert!(stderr.contains("3000 unchanged (exact)"), "all are found: {stderr}");
+    assert!(stderr.contains("from 1210 moving"), "the model's own split: {stderr}");
     success(&mut c4d(["export", path(&run), "--to", "ply-seq", "--frames", "4", "-o", path(&out)]));
     let source = swift4d::open(&model, &Overrides::default()).unwrap().scene;
     let times = source.time_range().frames(4);
@@ -147,9 +147,9 @@ fn missing_parts_are_reported_with_the_next_step() {
     let refused = |extra: &[&str], parts: &[&str]| {
         let mut arguments = vec!["info", path(&model)];
         arguments.extend(extra);
-        let said = failure(&mut c4d(arguments), 3);
+        let stderr = failure(&mut c4d(arguments), 3);
         for part in parts {
-            assert!(said.contains(part), "expected `{part}` in: {said}");
+            assert!(stderr.contains(part), "expected `{part}` in: {stderr}");
         }
     };
     fs::rename(model.join("cfg_args"), folder.path().join("cfg_args")).unwrap();
@@ -158,10 +158,10 @@ fn missing_parts_are_reported_with_the_next_step() {
     refused(&grid, &["activation=none", "--set FLAG=VALUE"]);
     let mut arguments = vec!["info", path(&model), "--set", "activation=relu"];
     arguments.extend(grid);
-    let (shown, said) = success(&mut c4d(arguments));
+    let (shown, stderr) = success(&mut c4d(arguments));
     assert!(
-        said.contains("cfg_args is missing") && shown.contains("hashmap_size = 13"),
-        "{shown}{said}"
+        stderr.contains("cfg_args is missing") && shown.contains("hashmap_size = 13"),
+        "{shown}{stderr}"
     );
     let usage = failure(&mut c4d(["info", path(&model), "--set", "no_dx=true"]), 2);
     assert!(usage.contains("Flags of Swift4D models"), "{usage}");
@@ -187,6 +187,6 @@ fn an_edit_of_the_canonical_file_is_refused() {
         "-o",
         path(&run),
     ]);
-    let said = failure(&mut propagate, 3);
-    assert!(said.contains("canonical") && said.contains("c4d freeze"), "{said}");
+    let stderr = failure(&mut propagate, 3);
+    assert!(stderr.contains("canonical") && stderr.contains("c4d freeze"), "{stderr}");
 }

@@ -157,7 +157,7 @@ fn text_of<'a>(document: &'a str, start: &str) -> &'a str {
 }
 
 #[test]
-fn only_the_page_itself_is_answered() {
+fn only_requests_from_the_page_are_answered() {
     let folder = tempfile::tempdir().unwrap();
     let source = fixture("synth/source");
     let server = Server::start(&["--frames", "2"], &[&source], folder.path());
@@ -199,7 +199,7 @@ fn only_the_page_itself_is_answered() {
 }
 
 #[test]
-fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
+fn the_page_describes_and_selects_splats_and_saves_cameras() {
     let folder = tempfile::tempdir().unwrap();
     let (source, run) = figure(folder.path());
     let mut server = Server::start(&["--frames", "3"], &[&run], folder.path());
@@ -209,7 +209,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
     let (document, _) = server.browse(&format!("{start}&inspect=.5,.5&save"), folder.path());
     let title = text_of(&document, "id=\"inspector-title\"");
     assert!(title.contains("of the edit"), "what it is: {title}");
-    assert!(document.contains("<dt>Motion</dt>") && document.contains("<dt>Why</dt>"), "why");
+    assert!(document.contains("<dt>Motion</dt>") && document.contains("<dt>Reason</dt>"), "reason");
     server.browse(&format!("{start}&turn=20&save"), folder.path());
     let saved = folder.path().join("view_cameras.json");
     let cameras: Value = serde_json::from_slice(&std::fs::read(&saved).unwrap()).unwrap();
@@ -245,10 +245,10 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
         assert!(expression.starts_with(kind), "{expression}");
         let line = server.line();
         assert!(line.contains(&format!("--time 0 --select '{expression}' --stats")), "{line}");
-        assert_eq!(line.trim(), answer["line"].as_str().unwrap(), "the same on the page");
+        assert_eq!(line.trim(), answer["command"].as_str().unwrap(), "the same on the page");
         let arguments = ["--time", "0", "--select", expression, "--stats"];
-        let (said, _) = success(c4d(["edit"]).arg(&run).args(arguments));
-        let counted = said.lines().find_map(|line| {
+        let (stdout, _) = success(c4d(["edit"]).arg(&run).args(arguments));
+        let counted = stdout.lines().find_map(|line| {
             let (_, rest) = line.rsplit_once(": ")?;
             rest.split_once(" of ")?.0.parse::<f64>().ok()
         });
@@ -260,7 +260,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
 }
 
 #[test]
-fn several_scenes_share_camera_and_clock_and_reload() {
+fn several_scenes_share_camera_and_time_and_reload() {
     let folder = tempfile::tempdir().unwrap();
     let (source, run) = (fixture("synth/source"), synth_run(folder.path()));
     let frame = folder.path().join("frame.ply");
@@ -304,15 +304,15 @@ fn several_scenes_share_camera_and_clock_and_reload() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused() {
-    let said = failure(&mut c4d(["view", "nowhere", "--no-open"]), 3);
-    assert!(said.contains("nowhere does not exist") && said.contains("--watch"), "{said}");
+fn scenes_that_cannot_be_shown_are_refused() {
+    let stderr = failure(&mut c4d(["view", "nowhere", "--no-open"]), 3);
+    assert!(stderr.contains("nowhere does not exist") && stderr.contains("--watch"), "{stderr}");
     let source = fixture("synth/source");
     let taken = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
     let port = taken.local_addr().unwrap().port().to_string();
-    let said = failure(
+    let stderr = failure(
         c4d(["view"]).arg(&source).args(["--frames", "1", "--no-open", "--port", &port]),
         1,
     );
-    assert!(said.contains("cannot listen on 127.0.0.1") && said.contains("--port"), "{said}");
+    assert!(stderr.contains("cannot listen on 127.0.0.1") && stderr.contains("--port"), "{stderr}");
 }

@@ -1,7 +1,7 @@
 //! The disk is full.
 
+use crate::setup::Setup;
 use crate::support::{failure, listing};
-use crate::workshop::Workshop;
 use std::process::Command;
 
 /// Runs a command that cannot write any byte to a file and gets
@@ -16,11 +16,15 @@ fn limited(command: &Command) -> assert_cmd::Command {
 /// Every command reports a full disk, and leaves neither a partial nor a changed output.
 #[test]
 fn full_disks_are_errors() {
-    let workshop = Workshop::new();
-    let before = listing(&workshop.at(""));
-    for job in workshop.jobs() {
-        let said = failure(&mut limited(&workshop.command(&job, &[])), 1);
-        assert!(said.contains("cannot write") && said.contains("  next: "), "{}: {said}", job.name);
-        assert_eq!(listing(&workshop.at("")), before, "{}: no output remains", job.name);
+    let setup = Setup::new();
+    let before = listing(&setup.at(""));
+    for job in setup.jobs() {
+        let stderr = failure(&mut limited(&setup.command(&job, &[])), 1);
+        assert!(
+            stderr.contains("cannot write") && stderr.contains("  next: "),
+            "{}: {stderr}",
+            job.name
+        );
+        assert_eq!(listing(&setup.at("")), before, "{}: no output remains", job.name);
     }
 }

@@ -1,7 +1,7 @@
 //! kill −9 at random moments.
 
+use crate::setup::{Setup, content, recoloured};
 use crate::support::{c4d, failure, fixture, success};
-use crate::workshop::{Workshop, content, recoloured};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -32,25 +32,25 @@ fn killed_after(command: &mut Command, time: Duration) -> bool {
 /// its remaining files do not affect the next run.
 #[test]
 fn killed_runs_are_absent_or_complete() {
-    let workshop = Workshop::new();
+    let setup = Setup::new();
     let mut index = 0;
-    for job in workshop.jobs() {
-        let before = workshop.names();
-        let output = workshop.at(job.output);
+    for job in setup.jobs() {
+        let before = setup.names();
+        let output = setup.at(job.output);
         let begun = Instant::now();
-        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &[])));
+        success(&mut assert_cmd::Command::from_std(setup.command(&job, &[])));
         let (took, files) = (begun.elapsed(), content(&output).len());
-        let complete = workshop.names();
+        let complete = setup.names();
         for kill in 0..kills() {
             // The first run has no existing output, the others replace
             // the remaining files of the previous ones.
             if kill == 0 {
-                success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
+                success(&mut assert_cmd::Command::from_std(setup.command(&job, &["-w"])));
             }
             let old = content(&output);
             index += 1;
             let wait = took.mul_f64(share(index));
-            killed_after(&mut workshop.command(&job, &["-w"]), wait);
+            killed_after(&mut setup.command(&job, &["-w"]), wait);
             let left = content(&output);
             assert_eq!(left.len(), files, "{} killed after {wait:?}: partial output", job.name);
             assert!(
@@ -59,10 +59,10 @@ fn killed_runs_are_absent_or_complete() {
                 job.name
             );
         }
-        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &["-w"])));
-        assert_eq!(workshop.names(), complete, "{}: nothing else remains", job.name);
+        success(&mut assert_cmd::Command::from_std(setup.command(&job, &["-w"])));
+        assert_eq!(setup.names(), complete, "{}: nothing else remains", job.name);
         for name in complete.iter().filter(|name| !before.contains(name)) {
-            let path = workshop.at(name);
+            let path = setup.at(name);
             let removed = if path.is_dir() {
                 std::fs::remove_dir_all(path)
             } else {
@@ -72,10 +72,10 @@ fn killed_runs_are_absent_or_complete() {
         }
         // Also without existing output, without -w.
         index += 1;
-        let done = killed_after(&mut workshop.command(&job, &[]), took.mul_f64(share(index)));
+        let done = killed_after(&mut setup.command(&job, &[]), took.mul_f64(share(index)));
         let again = if done || output.exists() { vec!["-w"] } else { vec![] };
-        success(&mut assert_cmd::Command::from_std(workshop.command(&job, &again)));
-        assert_eq!(workshop.names(), complete, "{}: nothing else remains", job.name);
+        success(&mut assert_cmd::Command::from_std(setup.command(&job, &again)));
+        assert_eq!(setup.names(), complete, "{}: nothing else remains", job.name);
     }
 }
 
@@ -83,9 +83,9 @@ fn killed_runs_are_absent_or_complete() {
 /// resumed to the same result, and replaced.
 #[test]
 fn killed_refinements_resume_and_are_replaced() {
-    let workshop = Workshop::new();
+    let setup = Setup::new();
     let model = fixture("deform4dgs/dynerf_like/model");
-    let edited = recoloured(&model, workshop.at("").as_path());
+    let edited = recoloured(&model, setup.at("").as_path());
     let [model, edited] = [&model, &edited].map(|path| path.to_str().unwrap());
     let propagate = |run: &str, extra: &[&str]| {
         let mut command = c4d(["propagate", model, "--edited", edited, "--no-refine", "-o", run]);
@@ -98,7 +98,7 @@ fn killed_refinements_resume_and_are_replaced() {
         command
     };
     let flags = ["--refine-size", "160x120", "--samples", "24", "--refine-frames", "6"];
-    let (whole, run) = (workshop.text("whole"), workshop.text("refined"));
+    let (whole, run) = (setup.text("whole"), setup.text("refined"));
     success(&mut propagate(&whole, &[]));
     let begun = Instant::now();
     success(&mut assert_cmd::Command::from_std(refine(&whole, &flags)));
@@ -115,8 +115,8 @@ fn killed_refinements_resume_and_are_replaced() {
         }
         if state.exists() {
             let other = refine(&run, &["--resume", "--samples", "25"]);
-            let said = failure(&mut assert_cmd::Command::from_std(other), 2);
-            assert!(said.contains("--samples"), "{said}");
+            let stderr = failure(&mut assert_cmd::Command::from_std(other), 2);
+            assert!(stderr.contains("--samples"), "{stderr}");
             success(&mut assert_cmd::Command::from_std(refine(&run, &["--resume"])));
         } else {
             // Killed before it had started, or after it had ended.
@@ -126,7 +126,7 @@ fn killed_refinements_resume_and_are_replaced() {
         assert!(!state.exists(), "kill {kill}: the checkpoint is removed");
     }
     let run = Path::new(&run);
-    let said =
+    let stderr =
         success(c4d(["refine", run.to_str().unwrap(), "-g", "cpu", "--resume"]).args(flags)).1;
-    assert!(said.contains("no checkpoint") && said.contains("starts again"), "{said}");
+    assert!(stderr.contains("no checkpoint") && stderr.contains("starts again"), "{stderr}");
 }

@@ -9,8 +9,8 @@ mod disk;
 mod kill;
 mod memory;
 mod outputs;
+mod setup;
 mod special_files;
 #[path = "../cli/support.rs"]
 mod support;
 mod two_processes;
-mod workshop;

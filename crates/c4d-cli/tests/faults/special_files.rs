@@ -1,7 +1,7 @@
 //! FIFOs and devices as inputs and outputs, and non-finite numbers.
 
+use crate::setup::Setup;
 use crate::support::{c4d, failure, success};
-use crate::workshop::Workshop;
 use std::fs;
 use std::process::Command;
 use std::time::Duration;
@@ -12,22 +12,22 @@ fn make_fifo(path: &std::path::Path) {
 
 /// Reading a FIFO would block forever; the timeout is one minute.
 fn refused(arguments: &[&str], code: i32, expected: &str) {
-    let said = failure(c4d(arguments).timeout(Duration::from_mins(1)), code);
-    assert!(said.contains(expected) && said.contains("  next: "), "{arguments:?}: {said}");
+    let stderr = failure(c4d(arguments).timeout(Duration::from_mins(1)), code);
+    assert!(stderr.contains(expected) && stderr.contains("  next: "), "{arguments:?}: {stderr}");
 }
 
 #[test]
 fn fifos_and_devices_are_refused_as_inputs() {
-    let workshop = Workshop::new();
-    let (fifo, run) = (workshop.text("fifo"), workshop.text("run"));
-    make_fifo(&workshop.at("fifo"));
+    let setup = Setup::new();
+    let (fifo, run) = (setup.text("fifo"), setup.text("run"));
+    make_fifo(&setup.at("fifo"));
     for (special, what) in [(fifo.as_str(), "a FIFO"), ("/dev/zero", "a device")] {
-        let out = workshop.text("out");
+        let out = setup.text("out");
         refused(&["info", special], 3, what);
         refused(&["freeze", special, "-o", &out], 3, what);
         refused(&["propagate", &run, "--edited", special, "-o", &out], 3, what);
         refused(&["render", &run, "--cameras", special, "-o", &out], 3, what);
-        let config = workshop.at("run/c4d.toml");
+        let config = setup.at("run/c4d.toml");
         let text = fs::read_to_string(&config).unwrap();
         let pointed: String = text
             .lines()
@@ -55,23 +55,27 @@ fn fifos_and_devices_are_refused_as_inputs() {
 
 #[test]
 fn fifos_and_devices_are_refused_as_outputs() {
-    let workshop = Workshop::new();
-    for job in workshop.jobs() {
-        make_fifo(&workshop.at(job.output));
-        let command = workshop.command(&job, &["-w"]);
-        let said = failure(&mut assert_cmd::Command::from_std(command), 2);
-        assert!(said.contains("is a FIFO") && said.contains("  next: "), "{}: {said}", job.name);
-        fs::remove_file(workshop.at(job.output)).unwrap();
+    let setup = Setup::new();
+    for job in setup.jobs() {
+        make_fifo(&setup.at(job.output));
+        let command = setup.command(&job, &["-w"]);
+        let stderr = failure(&mut assert_cmd::Command::from_std(command), 2);
+        assert!(
+            stderr.contains("is a FIFO") && stderr.contains("  next: "),
+            "{}: {stderr}",
+            job.name
+        );
+        fs::remove_file(setup.at(job.output)).unwrap();
     }
-    let run = workshop.text("run");
+    let run = setup.text("run");
     refused(&["export", &run, "--to", "spz", "-w", "-o", "/dev/null"], 2, "a device");
 }
 
 #[test]
 fn non_finite_numbers_are_refused() {
-    let workshop = Workshop::new();
-    let run = workshop.text("run");
-    let config = workshop.at("run/c4d.toml");
+    let setup = Setup::new();
+    let run = setup.text("run");
+    let config = setup.at("run/c4d.toml");
     let text = fs::read_to_string(&config).unwrap();
     for key in ["edit_time", "rotation_prior"] {
         for number in ["nan", "inf", "-inf"] {
@@ -87,7 +91,7 @@ fn non_finite_numbers_are_refused() {
         }
     }
     fs::write(&config, text).unwrap();
-    let scene = workshop.at("run/scene.c4d");
+    let scene = setup.at("run/scene.c4d");
     let mut bytes = fs::read(&scene).unwrap();
     // safetensors: the length of a JSON header, the header, and tensors at its offsets.
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();

@@ -95,7 +95,7 @@ def stored(splats: Mapping[str, object], dtype: DTypeLike = np.float32) -> Splat
         if low or (activated == "opacities" and values.max(initial=0.0) > 1.0):
             raise ValueError(
                 f"splats: {activated} are activated values, found {values.min():g} to {values.max():g}"
-                f"\n  next: Give values before activation as {raw}."
+                f"\n  next: Pass values before activation as {raw}."
             )
         with np.errstate(divide="ignore"):
             logits = np.log(values) if raw == "log_scales" else np.log(values) - np.log1p(-values)

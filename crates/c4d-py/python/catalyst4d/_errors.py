@@ -30,7 +30,7 @@ class UsageError(Error, ValueError):
 
 
 class InputError(Error, ValueError):
-    """An input file is missing, malformed or of another kind."""
+    """An input file is missing, malformed or of a different kind."""
 
     exit_code = 3
 

@@ -47,10 +47,11 @@ impl FromArgMatches for OperationFlags {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, Error> {
         let mut found: Vec<(usize, String, String)> = Vec::new();
         for (name, _, _) in options() {
-            let places = matches.indices_of(name).into_iter().flatten();
+            let positions = matches.indices_of(name).into_iter().flatten();
             let values = matches.get_many::<String>(name).into_iter().flatten();
-            found
-                .extend(places.zip(values).map(|(at, value)| (at, name.to_owned(), value.clone())));
+            found.extend(
+                positions.zip(values).map(|(at, value)| (at, name.to_owned(), value.clone())),
+            );
         }
         found.sort();
         let options = found.into_iter().map(|(_, name, value)| (name, value)).collect();

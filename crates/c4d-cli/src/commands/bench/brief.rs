@@ -65,7 +65,7 @@ pub(super) struct BriefScore {
     /// splats that were edited, % of the splats of that surface.
     missed: f64,
     wrong: f64,
-    /// Of new splats: mean and largest error, % of the figure, and least share of their opacity.
+    /// Of new splats: mean and largest error, % of the figure, and smallest share of their opacity.
     graft_mean: f64,
     graft_max: f64,
     graft_opacity: f64,
@@ -74,13 +74,13 @@ pub(super) struct BriefScore {
 
 /// Share and lifetime range of short-lived splats in each case: typical; fewer; more and shorter;
 /// and lifetimes so long that linear motion is a poor fit.
-const LIVES: [(f32, [f32; 2]); 4] =
+const LIFETIMES: [(f32, [f32; 2]); 4] =
     [(0.8, [0.05, 0.3]), (0.5, [0.05, 0.3]), (0.95, [0.05, 0.15]), (0.8, [0.3, 0.6])];
 
 /// Scores all methods on a case.
 pub(super) fn scores(case: BriefCase, seed: u64, size: usize) -> Outcome<Vec<BriefScore>> {
     let mut scores = Vec::new();
-    for (share, lives) in LIVES {
+    for (share, lives) in LIFETIMES {
         let params = BriefParams { num_splats: size, seed, share, lives, ..BriefParams::default() };
         let scene = build_brief(case, &params)
             .map_err(|error| Failure::usage(format!("--size {size}: {error}")))?;
@@ -256,7 +256,7 @@ fn rendered(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<(f64, 
     Ok((psnr(sums[0]), psnr(sums[1])))
 }
 
-/// Of new splats, over the clip: mean and largest error of positions, and least share of opacity.
+/// Of new splats, over the clip: mean and largest error of positions, and smallest share of opacity.
 fn grafted(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<[f64; 3]> {
     let new: Vec<usize> = scene
         .truth
@@ -291,7 +291,7 @@ fn grafted(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<[f64; 3
 /// Scores as Markdown: means over the seeds.
 pub(super) fn table(scores: &[BriefScore]) -> String {
     let mut text = String::from(
-        "| splats live briefly | share, lives | method | inside dB | outside dB | missed % | wrong % | graft %: mean, at worst | graft's opacity | s |\n|---|---|---|---|---|---|---|---|---|---|\n",
+        "| short-lived splats | share, lifetimes | method | inside dB | outside dB | missed % | wrong % | graft %: mean, at worst | graft's opacity | s |\n|---|---|---|---|---|---|---|---|---|---|\n",
     );
     let mut keys: Vec<(&str, f32, [f32; 2], Method)> = Vec::new();
     for score in scores {

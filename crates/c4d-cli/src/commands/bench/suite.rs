@@ -27,7 +27,7 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
     // Detect a folder of other work before the first run, not after it.
     let found: Vec<Option<Measured>> =
         own.iter().map(|job| job.completed(global)).collect::<Outcome<_>>()?;
-    let kept = found.iter().flatten().count();
+    let reused = found.iter().flatten().count();
     let step = console.of_step();
     let mut progress = console.progress("suite", own.len() as u64);
     let (mut measured, mut failed) = (Vec::new(), Vec::new());
@@ -43,9 +43,9 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
         }
         progress.step();
     }
-    let made = measured.len() - kept;
+    let computed = measured.len() - reused;
     progress.finish();
-    console.note(format!("{made} runs made, {kept} kept, {} failed", failed.len()));
+    console.note(format!("{computed} runs computed, {reused} reused, {} failed", failed.len()));
     if args.part.is_none() {
         let markdown = tables::markdown(&suite, &measured);
         write_tables(&args.output, [&markdown, &tables::csv(&suite, &measured)])?;
@@ -54,13 +54,13 @@ pub(crate) fn suite(args: &BenchSuiteArgs, global: &Global, console: &Console) -
     console.report(|| {
         json!({
             "runs": own.len(),
-            "made": made,
-            "kept": kept,
+            "computed": computed,
+            "reused": reused,
             "failed": failed,
             "measured": measured.iter().map(Measured::json).collect::<Vec<_>>(),
         })
     });
-    console.output(&args.output, &[("runs", made + kept)]);
+    console.output(&args.output, &[("runs", computed + reused)]);
     if failed.is_empty() {
         return Ok(());
     }

@@ -196,19 +196,19 @@ mod tests {
     }
 
     #[test]
-    fn other_parameters_are_refused() {
+    fn different_parameters_are_refused() {
         let names = ["a".to_owned(), "b".to_owned()];
         let check =
             |other: Numbers| refuse_other_parameters(&[numbers(&[0.0, 1.0], 2.0), other], &names);
         check(numbers(&[0.0, 1.0], 2.0)).unwrap();
-        let said = check(numbers(&[0.0, 0.5], 2.0)).unwrap_err().to_string();
-        assert!(said.contains("different times"), "{said}");
-        let said = check(numbers(&[0.0, 1.0], 3.0)).unwrap_err().to_string();
-        assert!(said.contains("parameters of x"), "{said}");
+        let message = check(numbers(&[0.0, 0.5], 2.0)).unwrap_err().to_string();
+        assert!(message.contains("different times"), "{message}");
+        let message = check(numbers(&[0.0, 1.0], 3.0)).unwrap_err().to_string();
+        assert!(message.contains("parameters of x"), "{message}");
     }
 
     #[test]
-    fn cameras_and_series_come_back() {
+    fn cameras_and_series_round_trip() {
         let found = numbers(&[0.0, 1.0], 2.0);
         assert_eq!((found.cameras.len(), found.cameras[0].width), (1, 64), "a camera");
         assert_eq!(found.over_time("x"), [Some(1.0), None], "a gap");

@@ -6,7 +6,7 @@ use crate::evaluation::{DEFINITIONS, Definition, Group, best, number};
 use crate::failure::Outcome;
 use crate::renderer::Renderer;
 use crate::report::{Curve, Plot, Triple, escape, wipe};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use c4d_metrics::Better;
 use gs_core::{Camera, DynamicScene, Image};
 use std::fmt::Write as _;
@@ -35,14 +35,14 @@ const CURVES: [(&str, Option<&str>); 10] = [
 
 /// A run, opened.
 pub(super) struct Picture<'a> {
-    pub(super) opened: &'a Opened,
+    pub(super) opened: &'a LoadedScene,
     pub(super) name: &'a str,
 }
 
 /// Contents of the page.
 pub(super) struct Look<'a> {
     pub(super) runs: Vec<Picture<'a>>,
-    pub(super) truth: Option<&'a Opened>,
+    pub(super) truth: Option<&'a LoadedScene>,
     pub(super) numbers: &'a [Numbers],
     pub(super) device: &'a Device,
 }
@@ -212,7 +212,7 @@ impl Look<'_> {
 }
 
 /// The scene before the edit.
-fn source(opened: &Opened) -> &dyn DynamicScene {
+fn source(opened: &LoadedScene) -> &dyn DynamicScene {
     opened.original.as_ref().unwrap_or(&opened.scene).as_ref()
 }
 

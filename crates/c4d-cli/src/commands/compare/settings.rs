@@ -8,14 +8,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Keys that are not settings: locations and the version.
-const PLACES: [&str; 2] = ["source_from_run", "version"];
+const LOCATIONS: [&str; 2] = ["source_from_run", "version"];
 
 /// A table of the settings that differ between the runs; a sentence if there are none.
 pub(super) fn differing(runs: &[PathBuf], names: &[String]) -> String {
     let all: Vec<BTreeMap<String, String>> = runs.iter().map(|run| flat(run)).collect();
     let keys: BTreeSet<&String> = all.iter().flat_map(BTreeMap::keys).collect();
     let mut rows = String::new();
-    for key in keys.into_iter().filter(|key| !PLACES.contains(&key.as_str())) {
+    for key in keys.into_iter().filter(|key| !LOCATIONS.contains(&key.as_str())) {
         let values: Vec<Option<&String>> = all.iter().map(|settings| settings.get(key)).collect();
         if values.iter().any(|value| *value != values[0]) {
             let cell = |value: Option<&String>| {

@@ -20,7 +20,7 @@ pub(crate) fn run(args: &EditArgs, global: &Global, console: &Console) -> Outcom
     };
     if let Some((name, _)) = args.operations.options.first() {
         return Err(Failure::usage(format!("--{name} and --views exclude each other"))
-            .next("Edit twice: the result of the first is the input of the second."));
+            .next("Run c4d edit twice, with the result of the first as the input of the second."));
     }
     pictures::run(args, views, global, console)
 }

@@ -9,7 +9,7 @@ use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::output::{existing, output_failure, refuse_overlap};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{frames, still};
 use gs_core::Splats;
 use gs_edit::{Action, EditError, Editor, Resources, Script, Step, Summary};
@@ -24,8 +24,7 @@ use std::path::{Path, PathBuf};
 const LANGUAGE: &str =
     "c4d edit --help lists selections and actions; docs/EDITING.md describes them.";
 /// Advice on valid inputs.
-const INPUTS: &str =
-    "Give a frame in any format, the folder of c4d freeze, or a scene with --time.";
+const INPUTS: &str = "Use a frame in any format, the folder of c4d freeze, or a scene with --time.";
 
 /// Options, with replayed records inserted.
 #[derive(Debug, Default)]
@@ -81,9 +80,9 @@ fn plan(args: &EditArgs) -> Outcome<Plan> {
         let record = Record::read(&file)?;
         plan.options.extend(record.steps.into_iter().map(|step| (step.option, step.argument)));
         plan.time = plan.time.or(Some(record.time));
-        let beside = std::path::absolute(&file).map_err(Failure::failed)?;
-        let beside = beside.parent().map(Path::to_owned);
-        for folder in record.folders.into_iter().chain(beside) {
+        let own_folder = std::path::absolute(&file).map_err(Failure::failed)?;
+        let own_folder = own_folder.parent().map(Path::to_owned);
+        for folder in record.folders.into_iter().chain(own_folder) {
             if !plan.folders.contains(&folder) {
                 plan.folders.push(folder);
             }
@@ -97,7 +96,7 @@ fn plan(args: &EditArgs) -> Outcome<Plan> {
 fn check(args: &EditArgs, script: &Script) -> Outcome {
     if args.output.is_some() && args.output == args.preview {
         return Err(Failure::usage("-o and --preview name the same file")
-            .next("End -o in .ply and --preview in .png."));
+            .next("Use a name that ends in .ply for -o and one that ends in .png for --preview."));
     }
     let acts = script.steps.iter().any(|step| matches!(step, Step::Act(_)));
     let looks = args.stats || args.preview.is_some();
@@ -141,11 +140,11 @@ fn edit_failure(error: &EditError) -> Failure {
         EditError::NothingLeft(_) => {
             Failure::usage(text).next("Select fewer splats; --stats describes a selection.")
         }
-        EditError::NotFinite { .. } => Failure::usage(text).next("Give smaller numbers."),
+        EditError::NotFinite { .. } => Failure::usage(text).next("Use smaller numbers."),
         EditError::Id { .. } => Failure::bad_input(text)
             .next("Rows are counted from 0 in the given file; c4d info shows their number."),
         EditError::EmptyImage(_) => {
-            Failure::bad_input(text).next("Give a picture with opaque pixels.")
+            Failure::bad_input(text).next("Use a picture with opaque pixels.")
         }
         EditError::Style { source, .. } if let Some(FitError::Raster(error)) = source.downcast_ref() => {
             device::failure(error)
@@ -316,7 +315,7 @@ impl Outputs {
     fn write(
         self,
         args: &EditArgs,
-        opened: &Opened,
+        opened: &LoadedScene,
         (before, time): (&Splats, f32),
         (edit, folders): (&Edit, &[PathBuf]),
         global: &Global,
@@ -355,7 +354,7 @@ impl Outputs {
 
 /// Comments of the result: those of an input PLY (such as the time of the frame), else time and
 /// upward axis.
-fn comments(opened: &Opened, time: f32) -> Vec<String> {
+fn comments(opened: &LoadedScene, time: f32) -> Vec<String> {
     let frame = opened.files.first().filter(|_| opened.kind.is_frame());
     if let Some(header) = frame.and_then(|file| ply::read_header_file(file).ok()) {
         return header.comments;

@@ -7,7 +7,7 @@ use crate::device::Device;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::renderer::side_by_side;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::{Image, Splats};
 use gs_io::AtomicFile;
 use std::path::Path;
@@ -38,7 +38,7 @@ pub(super) struct Shown {
 /// Draws the three panels. `marks` are numbers of selections, from 0, of the input's splats
 /// (`[N]`).
 pub(super) fn draw(
-    opened: &Opened,
+    opened: &LoadedScene,
     up: [f64; 3],
     (before, after): (&Splats, &Splats),
     (marks, selections): (&[Option<usize>], &[Shown]),

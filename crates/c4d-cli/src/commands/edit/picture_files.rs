@@ -63,7 +63,7 @@ pub(super) fn read_masks(folder: &Path, cameras: &[Camera]) -> Outcome<Vec<Vec<b
 fn find(folder: &Path, cameras: &[Camera], what: &str) -> Outcome<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(|error| {
         Failure::bad_input(format!("cannot read the folder {}: {error}", folder.display()))
-            .next(format!("Give the folder with the {what}s."))
+            .next(format!("Specify the folder with the {what}s."))
     })?;
     let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
     for entry in entries {

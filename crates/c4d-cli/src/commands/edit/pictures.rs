@@ -77,7 +77,7 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
         (Ok(fitted), None) => fitted,
     };
     write(args, &frame, &input, &fitted, global)?;
-    say(output, &fitted, console, took.as_secs_f64());
+    note_fit(output, &fitted, console, took.as_secs_f64());
     if let Some(poor) = &fitted.report.poorly_seen {
         let path = output.with_extension("unseen.png");
         write_image(&path, &poor.image, gs_io::Existing::Replace)?;
@@ -105,22 +105,22 @@ pub(super) fn run(args: &EditArgs, folder: &Path, global: &Global, console: &Con
 
 /// The cameras of the pictures.
 fn cameras(args: &EditArgs, folder: &Path) -> Outcome<Vec<Camera>> {
-    let beside = |folder: &Path| Some(folder.join(CAMERAS)).filter(|file| file.is_file());
+    let camera_file = |folder: &Path| Some(folder.join(CAMERAS)).filter(|file| file.is_file());
     let frame_folder =
         if args.input.is_dir() { Some(args.input.as_path()) } else { args.input.parent() };
     let file: PathBuf = args
         .pictures
         .cameras
         .clone()
-        .or_else(|| beside(folder))
-        .or_else(|| beside(frame_folder?))
+        .or_else(|| camera_file(folder))
+        .or_else(|| camera_file(frame_folder?))
         .ok_or_else(|| {
             Failure::bad_input(format!(
-                "no {CAMERAS} in {} or beside {}",
+                "no {CAMERAS} in {} or next to {}",
                 folder.display(),
                 args.input.display()
             ))
-            .next("`c4d freeze SCENE --views 24 -o FRAME` writes pictures and their cameras; give FRAME, or the cameras with --cameras.")
+            .next("`c4d freeze SCENE --views 24 -o FRAME` writes pictures and their cameras; pass FRAME, or the cameras with --cameras.")
         })?;
     let (cameras, notes) =
         cameras_json::read_file(&file).map_err(|error| scene::bad_input(&error))?;
@@ -133,7 +133,7 @@ fn cameras(args: &EditArgs, folder: &Path) -> Outcome<Vec<Camera>> {
     if let Some(pair) = names.array_windows().find(|[a, b]| a == b) {
         let [name, _] = pair;
         return Err(Failure::bad_input(format!(
-            "{}: two cameras are called {name}",
+            "{}: two cameras are named {name}",
             file.display()
         )));
     }
@@ -245,7 +245,7 @@ fn write(
     file.commit().map_err(|error| output_failure(&error))
 }
 
-fn say(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
+fn note_fit(output: &Path, fitted: &Fitted, console: &Console, secs: f64) {
     let report = &fitted.report;
     if report.edited_views == 0 {
         console.note(format!(

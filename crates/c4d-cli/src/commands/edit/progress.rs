@@ -25,7 +25,7 @@ pub(super) struct WorkFolder {
 
 impl WorkFolder {
     /// Path of the folder.
-    fn place(output: &Path) -> PathBuf {
+    fn path_of(output: &Path) -> PathBuf {
         let mut name = output.as_os_str().to_owned();
         name.push(".fit");
         PathBuf::from(name)
@@ -37,7 +37,7 @@ impl WorkFolder {
         resume: bool,
         overwrite: bool,
     ) -> Outcome<(Self, Option<FitState>)> {
-        let path = Self::place(output);
+        let path = Self::path_of(output);
         let state = path.join(STATE);
         let failed = |error: gs_io::IoError| output_failure(&error);
         if resume {
@@ -46,7 +46,7 @@ impl WorkFolder {
                     "--resume: there is no unfinished fit of {}",
                     output.display()
                 ))
-                .next("Leave out --resume."));
+                .next("Omit --resume."));
             }
             let state = checkpoint::read(&state)?;
             let update = FolderUpdate::begin(&path).map_err(failed)?;

@@ -64,7 +64,7 @@ impl Record {
         let bytes = read_bytes(path)?;
         let bad = |what: String| {
             Failure::bad_input(format!("--replay {}: {what}", path.display()))
-                .next("Give the NAME.edit.json that c4d edit wrote beside NAME.ply.")
+                .next("Specify the NAME.edit.json that c4d edit wrote next to NAME.ply.")
         };
         let record: Self = serde_json::from_slice(&bytes)
             .map_err(|error| bad(format!("not a record of c4d edit: {error}")))?;
@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_lie_beside_their_frames() {
+    fn records_are_next_to_their_frames() {
         assert_eq!(path_of(Path::new("a/hat.ply")), Path::new("a/hat.edit.json"), "a PLY");
         assert_eq!(path_of(Path::new("hat")), Path::new("hat.edit.json"), "no ending");
     }

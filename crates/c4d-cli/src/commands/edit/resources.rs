@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::device::{self, Device};
 use crate::failure::{Failure, Outcome, chain};
 use crate::rigid_parts::rigid_parts;
-use crate::scene::{self, Opened};
+use crate::scene::{self, LoadedScene};
 use crate::{cameras, still};
 use gs_core::{Camera, Image, Splats};
 use gs_edit::{EditError, Motion, ResourceNames, Resources, lift_masks, parse_ids};
@@ -21,7 +21,7 @@ const PICTURES: [&str; 3] = ["png", "jpg", "jpeg"];
 /// The frame to edit.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Input<'a> {
-    pub(super) opened: &'a Opened,
+    pub(super) opened: &'a LoadedScene,
     pub(super) time: f32,
     pub(super) splats: &'a Splats,
 }
@@ -62,7 +62,7 @@ pub(super) fn load(
                 "--graft {name}: expected one frame of splats, found {kind}"
             ))
             .next(
-                "Give a frame in any format; c4d freeze SCENE -o FRAME writes one from a scene.",
+                "Use a frame in any format; c4d freeze SCENE -o FRAME writes one from a scene.",
             ));
         }
         let opened = still::open(&path, None, global, console)?;
@@ -129,7 +129,7 @@ fn motion(input: Input<'_>, console: &Console) -> Outcome<Motion> {
             "`moving` and `part` need a dynamic scene; {} is a single frame",
             opened.path.display()
         ))
-        .next("Give the dynamic scene instead of the frame; --time selects the frame to edit."));
+        .next("Use the dynamic scene instead of the frame; --time selects the frame to edit."));
     }
     let found = rigid_parts(opened.scene.as_ref(), time, console)?;
     Ok(Motion { moving: found.moving, parts: found.parts })
@@ -171,7 +171,11 @@ fn read_mask(path: &Path) -> Outcome<Image> {
 
 /// Pictures of a folder by the names of the cameras in its `cameras.json`, or in that of the folder
 /// around it.
-fn read_masks(folder: &Path, opened: &Opened, console: &Console) -> Outcome<Vec<(Camera, Image)>> {
+fn read_masks(
+    folder: &Path,
+    opened: &LoadedScene,
+    console: &Console,
+) -> Outcome<Vec<(Camera, Image)>> {
     let inside = folder.join("cameras.json");
     let around = folder.join("..").join("cameras.json");
     let file = [&inside, &around].into_iter().find(|file| file.is_file()).ok_or_else(|| {
@@ -203,7 +207,7 @@ fn read_masks(folder: &Path, opened: &Opened, console: &Console) -> Outcome<Vec<
                 path.display(),
                 file.display()
             ))
-            .next(format!("Give masks the names of the cameras: {}, …", names.join(", ")))
+            .next(format!("Name the masks after the cameras: {}, …", names.join(", ")))
         })?;
         let mask = read_mask(path)?;
         views.push((camera_of_size(camera, &mask, path)?, mask));

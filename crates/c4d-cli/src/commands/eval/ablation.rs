@@ -140,8 +140,8 @@ fn make(
 ) -> Outcome {
     // The paper and its baselines estimate the motion of every splat.
     let motion = match variant.preset {
-        PresetArg::Best => MotionArg::Amg,
-        PresetArg::Paper => MotionArg::AmgAll,
+        PresetArg::Best => MotionArg::Edited,
+        PresetArg::Paper => MotionArg::All,
     };
     let flags = RefineFlags {
         refine_cameras: args.measure.cameras.clone(),
@@ -171,7 +171,7 @@ fn make(
     let recorded = Recorded { scene: args.run.clone(), edited: edited.to_owned() };
     propagate::propagate(&job, &recorded, global, console)?;
     if variant.refined {
-        let begun = Checkpoint::anew(variant.preset, Settings::default().refine(), &flags);
+        let begun = Checkpoint::new(variant.preset, Settings::default().refine(), &flags);
         let plain = Global { iteration: None, set: Vec::new(), ..global.clone() };
         refine::refine(run, begun, &plain, console)?;
     }

@@ -10,7 +10,7 @@ use crate::evaluation::{
 use crate::failure::{Failure, Outcome};
 use crate::part::{PartRecord, Share};
 use crate::run_folder::{REFINE_REPORT, REPORT, RunFiles, SCENE, fingerprint};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{frames, memory, still};
 use gs_io::SceneKind;
 use serde_json::{Map, Value, json};
@@ -106,7 +106,7 @@ pub(crate) fn evaluate(
     memory::require(
         &format!("measuring {} views", cameras.len()),
         pixels * BYTES_PER_PIXEL,
-        "Give a smaller --size or fewer --views.",
+        "Use a smaller --size or fewer --views.",
     )?;
     let device = Device::open(global.gpu)?;
     console.detail(format!("rendering on {}", device.describe()));
@@ -213,7 +213,7 @@ fn work(header: &Header<'_>, wanted: &Wanted<'_>, files: [(&str, Value); 2]) -> 
 
 /// Ground truth.
 enum Known {
-    Scene(Box<Opened>),
+    Scene(Box<LoadedScene>),
     Photos(Photos),
 }
 
@@ -227,17 +227,19 @@ fn truth(path: &Path, at: &Viewpoints, global: &Global, console: &Console) -> Ou
     if evaluation::is_video(path) {
         return Err(Failure::usage(format!("--truth {}: a compressed video", path.display()))
             .next(
-                "Its compression changes what is measured. Give the frames as PNG, or the scene.",
+                "Its compression changes what is measured. Use the frames as PNG, or the scene.",
             ));
     }
     let kind = gs_io::detect(path).map_err(|error| crate::scene::bad_input(&error))?;
     let shows = matches!(kind, SceneKind::Cameras(_) | SceneKind::Unknown { .. });
     if shows && evaluation::holds_images(path) {
         if at.path.is_none() {
-            return Err(Failure::usage("--truth names photographs, but their views are not given")
-                .next("Add --cameras with the data set."));
+            return Err(Failure::usage(
+                "--truth refers to photographs, but no views are specified",
+            )
+            .next("Add --cameras with the data set."));
         }
-        let photos = Photos::find(path, &at.shots)?;
+        let photos = Photos::find(path, &at.timed_cameras)?;
         console.note(format!("{} photographs in {}", photos.len(), path.display()));
         return Ok(Known::Photos(photos));
     }

@@ -1,20 +1,20 @@
 //! `c4d export` of a whole clip into one file: `.splat4d`, `.4dgs`, OpenUSD, `.splatv`.
 
-use super::written::say_written;
+use super::messages::note_written;
 use crate::args::ExportFormat;
 use crate::args::{ExportArgs, Global};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_io::{Clip, IoError, Losses, fourdgs_file, splat4d, splatv, usda};
 use std::time::Instant;
 
 pub(super) fn write(
     args: &ExportArgs,
     to: ExportFormat,
-    opened: &Opened,
+    opened: &LoadedScene,
     (times, fps): (&[f32], f64),
     global: &Global,
     console: &Console,
@@ -29,11 +29,11 @@ pub(super) fn write(
         _ => write_splat4d(args, opened, &clip, global, console)?,
     };
     let what = format!("{}; {written}", crate::frames::playing(times.len(), fps));
-    say_written(&args.output, start.elapsed(), &what, &losses, console);
+    note_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
 }
 
-fn check(args: &ExportArgs, opened: &Opened) -> Outcome {
+fn check(args: &ExportArgs, opened: &LoadedScene) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     refuse_overlap(&args.output, &opened.roots)?;
     match args.tolerance {
@@ -49,7 +49,7 @@ type Written = (String, Losses);
 
 fn write_splat4d(
     args: &ExportArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     clip: &Clip<'_>,
     global: &Global,
     console: &Console,
@@ -90,7 +90,7 @@ fn write_4dgs(
 
 fn write_usda(
     args: &ExportArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     clip: &Clip<'_>,
     global: &Global,
     console: &Console,
@@ -115,7 +115,7 @@ fn write_usda(
 
 fn write_splatv(
     args: &ExportArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     clip: &Clip<'_>,
     global: &Global,
     console: &Console,
@@ -148,7 +148,7 @@ fn failure(to: ExportFormat, error: &IoError) -> Failure {
             "Choose times close together, for example --times 0,0.01,0.02. --tolerance SHARE allows larger errors, --force any error; --to splat4d keeps any motion.",
         ),
         IoError::Unfit { .. } => {
-            Failure::usage(error).next("Give --frames N with a smaller N, --sh-degree 0, or --force.")
+            Failure::usage(error).next("Use --frames N with a smaller N, --sh-degree 0, or --force.")
         }
         _ => output_failure(error),
     }

@@ -10,7 +10,7 @@ type Flag = (&'static str, &'static [ExportFormat], fn(&ExportArgs) -> bool);
 pub(super) fn format_of(args: &ExportArgs) -> Outcome<ExportFormat> {
     let format = match args.to {
         Some(format) => format,
-        None => ExportFormat::called(&args.output).ok_or_else(|| {
+        None => ExportFormat::from_file_name(&args.output).ok_or_else(|| {
             Failure::usage(format!(
                 "--to is missing, and the name {} does not imply a format",
                 args.output.display()

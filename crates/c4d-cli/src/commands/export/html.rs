@@ -1,7 +1,7 @@
 //! `c4d export --to html`: writes the scene, for a run together with its
 //! original, as one page that plays in any browser.
 
-use super::written::say_written;
+use super::messages::note_written;
 use crate::args::{ExportArgs, Global, OverlayArg};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
@@ -11,7 +11,7 @@ use crate::failure::{Failure, Outcome, chain};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::overlays::{Layer, LayerSource};
 use crate::renderer::Renderer;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::{Camera, DynamicScene, Image};
 use gs_io::{AtomicFile, Losses};
 use gs_player::{
@@ -26,7 +26,7 @@ const POSTER_QUALITY: u8 = 85;
 
 pub(super) fn write(
     args: &ExportArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     (times, fps): (&[f32], f64),
     global: &Global,
     console: &Console,
@@ -83,14 +83,14 @@ pub(super) fn write(
         report.first.max(report.second),
     );
     let losses = losses(report, &options, times.len());
-    say_written(&args.output, elapsed, &what, &losses, console);
+    note_written(&args.output, elapsed, &what, &losses, console);
     Ok(())
 }
 
 /// The overlays of a page.
 fn layers(
     kinds: &[OverlayArg],
-    opened: &Opened,
+    opened: &LoadedScene,
     global: &Global,
     console: &Console,
 ) -> Outcome<Vec<Layer>> {
@@ -175,7 +175,7 @@ fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
 /// The first frame from the initial view, shown before the page can
 /// play; for a run, the left half is the original.
 fn poster(
-    opened: &Opened,
+    opened: &LoadedScene,
     first: &dyn DynamicScene,
     time: f32,
     camera: &Camera,
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(
             title(Path::new("some/where/flame_steak-edit.html")),
             "Flame steak edit",
-            "words"
+            "separate words, capitalised"
         );
         assert_eq!(
             title(Path::new("ünter.html")),

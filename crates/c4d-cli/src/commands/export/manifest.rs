@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn manifest_is_beside_the_output() {
+    fn the_manifest_is_next_to_the_output() {
         let named = |output: &str| path_of(Path::new(output)).display().to_string();
         assert_eq!(named("out/frames/"), "out/frames.manifest.json", "a folder");
         assert_eq!(

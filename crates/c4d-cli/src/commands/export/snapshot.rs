@@ -1,12 +1,12 @@
 //! Formats of one frame.
 
-use super::written::{plain_losses, say_written};
+use super::messages::{note_written, plain_losses};
 use crate::args::{AxesArg, ExportArgs, ExportFormat, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::frames;
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_io::ply::comments;
 use gs_io::{AtomicFile, compressed_ply, gltf, ply, splat_file, spz};
 use std::time::Instant;
@@ -15,7 +15,7 @@ use std::time::Instant;
 pub(super) fn write(
     args: &ExportArgs,
     to: ExportFormat,
-    opened: &Opened,
+    opened: &LoadedScene,
     global: &Global,
     console: &Console,
 ) -> Outcome {
@@ -54,7 +54,7 @@ pub(super) fn write(
     let losses = written.map_err(|error| Failure::write(&args.output, &error))?;
     file.commit().map_err(|error| output_failure(&error))?;
     let what = format!("{} splats at time {time}", splats.len());
-    say_written(&args.output, start.elapsed(), &what, &losses, console);
+    note_written(&args.output, start.elapsed(), &what, &losses, console);
     Ok(())
 }
 

@@ -53,7 +53,7 @@ pub(super) fn join(
             first.display(),
             if format == Format::Sheet { "sheet" } else { "video" }
         ))
-        .next("Give -o FOLDER. For videos, make the parts with one view, --passes rgb and --format png."));
+        .next("Use -o FOLDER. For videos, make the parts with one view, --passes rgb and --format png."));
     }
     let to = (output, existing(global));
     if format == Format::Sheet {

@@ -15,10 +15,10 @@ use std::path::Path;
 pub(super) fn read(path: &Path) -> Outcome<Part<Value>> {
     let not_a_part = || {
         Failure::bad_input(format!(
-            "{} is not a part: c4d eval --part K/N -o FILE makes parts",
+            "{} is not a part; c4d eval --part K/N -o FILE writes parts",
             path.display()
         ))
-        .next("Give the outputs of --part 1/N to --part N/N, and nothing else.")
+        .next("Pass the outputs of --part 1/N to --part N/N, and nothing else.")
     };
     let bytes = gs_io::read_file(path).map_err(|error| broken(path, &error.to_string()))?;
     let mut document: Value = serde_json::from_slice(&bytes).map_err(|_not_json| not_a_part())?;

@@ -24,11 +24,11 @@ pub(super) fn join(
     run_folder::check_is_folder(run)?;
     if record.work("run").as_str() != Some(&fingerprint(&[run.join(SCENE)])?) {
         return Err(Failure::usage(format!(
-            "{} is not the run of which {} is a part, or was changed since",
+            "{} is not the run of which {} is a part, or has changed since",
             run.display(),
             first.display()
         ))
-        .next("Give -o RUN with the run of c4d refine RUN --part K/N; if it was changed, make the parts again."));
+        .next("Pass the run of c4d refine RUN --part K/N as -o RUN; if it was changed, make the parts again."));
     }
     let made_from: MadeFrom = read(record, "made from", first)?;
     let device = Device::open(global.gpu)?.describe();
@@ -58,7 +58,8 @@ pub(super) fn join(
             let refused = |error: std::io::Error| broken(path, &error.to_string());
             let file = gs_io::open_file(&path.join(REFINE_IMAGES)).map_err(refused)?;
             let part = KeptImages::read(file, &made_from).map_err(refused)?;
-            let mut part = part.ok_or_else(|| broken(path, "its images belong to another run"))?;
+            let mut part =
+                part.ok_or_else(|| broken(path, "its images belong to a different run"))?;
             for at in part.keys() {
                 let bytes = part.get(at).ok_or_else(|| broken(path, "an image is damaged"))?;
                 images

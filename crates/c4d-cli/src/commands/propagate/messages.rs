@@ -8,7 +8,7 @@ use amg::{MotionReport, Propagation};
 use serde_json::{Value, json};
 
 /// Warns if an edit cannot move, or does not match the frame of which it should be an edit.
-pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, console: &Console) {
+pub(super) fn warn_if_static(args: &PropagateJob, propagation: &Propagation, console: &Console) {
     let report = &propagation.report;
     let estimated = report.blended + report.field_rows;
     let moves = |source: u32| propagation.split.dynamic[source as usize];
@@ -20,9 +20,9 @@ pub(super) fn warn_if_still(args: &PropagateJob, propagation: &Propagation, cons
         ));
     }
     let kept = propagation.identity.matched();
-    if args.motion == MotionArg::Amg && kept * 100 < report.num_edited_splats {
+    if args.motion == MotionArg::Edited && kept * 100 < report.num_edited_splats {
         console.warn(format!(
-            "{}: {kept} of {} splats are splats of the scene at time {}. Unless everything was restyled, it may be of another time (--time) or another scene",
+            "{}: {kept} of {} splats are splats of the scene at time {}. Unless every splat was restyled, it may belong to a different time (--time) or scene",
             args.edited.display(),
             report.num_edited_splats,
             args.time
@@ -35,9 +35,9 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
     for warning in &report.warnings {
         console.warn(warning);
     }
-    if motion == MotionArg::AmgAll {
+    if motion == MotionArg::All {
         // Nothing was compared, so the counts of kept splats are meaningless.
-        console.note("the motion of every edited splat is estimated (--motion amg-all)");
+        console.note("the motion of every edited splat is estimated (--motion all)");
     } else {
         console.note(format!(
             "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
@@ -52,7 +52,7 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         console.note(format!("{} edited splats next to a copy follow it", report.beside_copies));
     }
     console.note(format!(
-        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} stay in place",
+        "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} do not move",
         report.blended + report.field_rows,
         report.num_dynamic,
         report.static_rows
@@ -72,7 +72,7 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         ));
         if inheritance.copied > 0 {
             console.note(format!(
-                "{} copies of short-lived splats last over the whole clip",
+                "{} copies of short-lived splats are visible over the whole clip",
                 inheritance.copied
             ));
         }
@@ -121,17 +121,17 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
     let timings: serde_json::Map<String, Value> =
         report.timings.iter().map(|(stage, secs)| ((*stage).to_owned(), json!(secs))).collect();
     json!({
-        "schema": 1,
+        "schema": 2,
         "motion_seconds": seconds,
         "timings": timings,
         "source": {
             "splats": report.num_sources,
             "moving": report.num_dynamic,
             "floaters": report.num_floaters,
-            "broken": report.num_broken_sources,
+            "non_finite": report.num_broken_sources,
             "dynamic_threshold": report.dynamic_threshold,
             "figure_size": report.figure_size,
-            "parts": report.num_regions,
+            "regions": report.num_regions,
         },
         "edited": {
             "splats": report.num_edited_splats,
@@ -140,28 +140,28 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
             "moved": report.moved,
             "moved_groups": report.moved_groups.iter().map(|(splats, what)| json!({
                 "splats": splats,
-                "what": what,
+                "transformation": what,
             })).collect::<Vec<_>>(),
             "edited": report.edited,
             "removed": report.vanished,
             "blended": report.blended,
             "static": report.static_rows,
-            "beside_copies": report.beside_copies,
+            "next_to_copies": report.beside_copies,
             "field": report.field_rows,
             "out_of_reach": report.out_of_reach,
-            "broken": report.broken_rows,
+            "non_finite": report.broken_rows,
         },
-        "descent": report.inheritance.as_ref().map(|inheritance| json!({
-            "visible": inheritance.visible,
-            "shown": inheritance.shown,
-            "descended": inheritance.with_ancestors,
+        "inheritance": report.inheritance.as_ref().map(|inheritance| json!({
+            "ever_visible": inheritance.visible,
+            "visible_in_edit_frame": inheritance.shown,
+            "with_ancestors": inheritance.with_ancestors,
             "recoloured": inheritance.recoloured,
             "removed": inheritance.removed,
             "moved": inheritance.moved,
             "copied": inheritance.copied,
             "confidence": inheritance.confidence,
-            "unsure": inheritance.unsure,
-            "lasting": inheritance.lasting,
+            "low_confidence": inheritance.unsure,
+            "extended": inheritance.lasting,
         })),
         "anchors": { "source": report.anchors[0], "edited": report.anchors[1], "unmatched": report.unmatched_anchors },
         "transport": report.transport.as_ref().map(|transport| json!({

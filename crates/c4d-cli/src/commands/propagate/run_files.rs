@@ -1,12 +1,12 @@
 //! The files of a run folder, as `c4d propagate` writes them.
 
 use super::messages;
-use crate::args::{FollowArg, Global, MotionArg};
+use crate::args::{FollowArg, Global};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::report::{RunReport, run_report};
 use crate::run_folder::{self, CONFIG, REPORT, REPORT_PAGE, RunConfig, SCENE, Stored};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::settings::{AnchorSettings, KnnSettings, PropagateJob, TransportSettings};
 use amg::{MotionGuide, MotionOptions, Propagation};
 use clap::ValueEnum;
@@ -24,7 +24,7 @@ pub(super) struct Finished<'a> {
     pub(super) args: &'a PropagateJob,
     pub(super) recorded: &'a Recorded,
     pub(super) global: &'a Global,
-    pub(super) source: &'a Opened,
+    pub(super) source: &'a LoadedScene,
     pub(super) options: &'a MotionOptions,
     pub(super) follow: FollowArg,
     pub(super) propagation: &'a Propagation,
@@ -93,7 +93,7 @@ impl Finished<'_> {
             axes: args.axes.and_then(|axes| Some(axes.to_possible_value()?.get_name().to_owned())),
             preset: format!("{:?}", args.preset).to_lowercase(),
             baseline: args.baseline.map_or("none".to_owned(), |b| format!("{b:?}").to_lowercase()),
-            motion: if args.motion == MotionArg::Amg { "amg" } else { "amg-all" }.to_owned(),
+            motion: args.motion.name().to_owned(),
             follow: self.follow.name().to_owned(),
             seed: args.seed,
             iteration: global.iteration,

@@ -48,14 +48,14 @@ pub(crate) fn check(
         );
     }
     chosen(flags, preset, settings)?.check().map_err(|error| settings.refused(&error))?;
-    if let Some(asked) = flags.memory {
-        if asked < MIN_MEMORY {
-            return refuse(format!("--memory {asked}: expected MiB, {MIN_MEMORY} or more"));
+    if let Some(requested) = flags.memory {
+        if requested < MIN_MEMORY {
+            return refuse(format!("--memory {requested}: expected MiB, {MIN_MEMORY} or more"));
         }
         memory::require(
-            &format!("--memory {asked}"),
-            (asked as u64).saturating_mul(memory::MIB),
-            "Give a smaller value: images that do not fit are rendered again, or fewer are used.",
+            &format!("--memory {requested}"),
+            (requested as u64).saturating_mul(memory::MIB),
+            "Use a smaller value: images that do not fit are rendered again, or fewer are used.",
         )?;
     }
     if let Some(path) = &flags.refine_cameras {
@@ -78,9 +78,7 @@ pub(super) fn failed(run: &Path, failure: Option<Failure>, error: CuarError) -> 
             run.join(REFINE_STATE).display(),
             chain(&error)
         ))
-        .next(
-            "The run or its source has changed: leave out --resume, and the refinement starts again.",
-        ),
+        .next("The run or its source has changed: omit --resume to start the refinement again."),
         (_, error) => Failure::failed(format!("{}: {}", run.display(), chain(&error))),
     }
 }

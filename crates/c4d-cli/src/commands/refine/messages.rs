@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Advice if no colour changed.
-pub(super) const OTHER_VIEWS: &str = "; other views are given with --refine-cameras, more times with --refine-frames, and --preset paper has no \
+pub(super) const OTHER_VIEWS: &str = "; --refine-cameras sets other views, --refine-frames more times, and --preset paper has no \
      threshold";
 
 /// One sentence: what was repaired, what was not, and why.
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_summary_says_what_was_repaired_what_was_left_and_why() {
+    fn the_summary_lists_repaired_and_unchanged_splats_with_reasons() {
         let options = RefineOptions::default();
         let mut report = RefineReport { num_edited: 50, ..RefineReport::default() };
         report.repair.hidden = 9;

@@ -1,10 +1,10 @@
 //! Images of a render, one file per view, time and pass.
 
 use super::losses::losses;
-use super::shot::Shot;
+use super::render_job::RenderJob;
 use super::views::Views;
 use crate::args::{Format, Global, Pass, RenderArgs};
-use crate::commands::export::say;
+use crate::commands::export::note_losses;
 use crate::failure::{Failure, Outcome};
 use crate::images;
 use crate::output::{existing, output_failure};
@@ -35,7 +35,7 @@ fn stills_folder(root: &Path, views: &Views, camera: &Camera, pass: Pass) -> Pat
 pub(super) fn stills(
     args: &RenderArgs,
     global: &Global,
-    shot: &Shot<'_>,
+    job: &RenderJob<'_>,
     format: Format,
     part: Option<PartRecord>,
 ) -> Outcome {
@@ -46,20 +46,20 @@ pub(super) fn stills(
         .map_err(|error| output_failure(&error))?;
     let mut depth_range = (f32::INFINITY, f32::NEG_INFINITY);
     if format == Format::Png && args.passes.contains(&Pass::Depth) {
-        depth_range = depth_extent(shot)?;
-        shot.console.note(format!(
+        depth_range = depth_extent(job)?;
+        job.console.note(format!(
             "depth is scaled: black is {}, white is {}",
             depth_range.0, depth_range.1
         ));
     }
-    let then = shot.splats_of_edit(&args.passes)?;
+    let then = job.splats_of_edit(&args.passes)?;
     let mut count = 0;
-    shot.render(|exposure| {
+    job.render(|exposure| {
         for &pass in &args.passes {
-            let folder = stills_folder(folder.path(), shot.views, exposure.camera, pass);
+            let folder = stills_folder(folder.path(), job.views, exposure.camera, pass);
             std::fs::create_dir_all(&folder).map_err(|error| Failure::write(&folder, &error))?;
             let path = |extension: &str| folder.join(format!("{:05}.{extension}", exposure.frame));
-            match (shot.image_of(pass, exposure, &then)?, format) {
+            match (job.image_of(pass, exposure, &then)?, format) {
                 (PassImage::Flow(flow), Format::Exr) => {
                     let channels = ["forward.u", "forward.v", "A"];
                     images::write_exr(&path("exr"), &passes::flow_with_coverage(&flow), &channels)?;
@@ -105,8 +105,8 @@ pub(super) fn stills(
         PartFolder::write(record, folder.path())?;
     }
     folder.commit().map_err(|error| output_failure(&error))?;
-    say(&losses(format, args, shot.times.len(), 0.0), shot.console);
-    shot.console.output(&args.output, &[("images", count)]);
+    note_losses(&losses(format, args, job.times.len(), 0.0), job.console);
+    job.console.output(&args.output, &[("images", count)]);
     Ok(())
 }
 
@@ -121,9 +121,9 @@ fn channels(pass: Pass) -> &'static [&'static str] {
 }
 
 /// Smallest and largest depth over the clip, for the same scaling of all frames.
-fn depth_extent(shot: &Shot<'_>) -> Outcome<(f32, f32)> {
+fn depth_extent(job: &RenderJob<'_>) -> Outcome<(f32, f32)> {
     let mut range = (f32::INFINITY, f32::NEG_INFINITY);
-    Shot { share: None, ..*shot }.expose(|exposure| {
+    RenderJob { share: None, ..*job }.expose(|exposure| {
         for &z in &exposure.output.depth {
             range = (range.0.min(z), range.1.max(z));
         }

@@ -4,7 +4,7 @@ use crate::args::{Crop, RenderArgs, SplitArg};
 use crate::camera_rig::{CameraRig, DEFAULT_SIZE};
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
 use std::path::Path;
@@ -37,7 +37,7 @@ impl Views {
 /// they have any and no others are requested.
 pub(crate) fn views(
     args: &RenderArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     times: &mut Vec<f32>,
     console: &Console,
 ) -> Outcome<Views> {
@@ -106,7 +106,7 @@ pub(crate) fn cropped(
 /// times if they have none or others are requested.
 fn of_files(
     args: &RenderArgs,
-    opened: &Opened,
+    opened: &LoadedScene,
     named: &str,
     times: &mut Vec<f32>,
     console: &Console,
@@ -114,7 +114,7 @@ fn of_files(
     let path = Path::new(named);
     if !path.exists() {
         return Err(Failure::bad_input(format!("--cameras {named}: no such file or folder"))
-            .next("Give a data set, a cameras.json, or one of: front, orbit, spiral."));
+            .next("Specify a data set, a cameras.json, or one of: front, orbit, spiral."));
     }
     let set = cameras::open(path, args.cameras_as, opened, console)?;
     let mut chosen = if args.views.is_empty() {

@@ -3,7 +3,7 @@
 use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::overlays::{Class, LayerSource, confidence, displacement};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use amg::{Binding, RigidParts, RowKind};
 use gs_core::{DynamicScene, Splats, sh};
 use serde::Serialize;
@@ -70,7 +70,7 @@ impl Side {
 
 impl Descriptions {
     pub(super) fn of(
-        opened: &Opened,
+        opened: &LoadedScene,
         layers: &mut LayerSource<'_>,
         console: &Console,
     ) -> Outcome<Self> {
@@ -106,8 +106,8 @@ impl Descriptions {
     fn part(&self, row: usize) -> String {
         match (self.parts.parts.get(row), self.parts.moving.get(row)) {
             (Some(&part), _) if part > 0 => format!("part {part}"),
-            (_, Some(true)) => "moves, with no part".to_owned(),
-            _ => "none, it stands still".to_owned(),
+            (_, Some(true)) => "moves, but belongs to no part".to_owned(),
+            _ => "none: it does not move".to_owned(),
         }
     }
 
@@ -117,7 +117,7 @@ impl Descriptions {
         }
         let mut facts = self.source.facts(row);
         facts.push(("Part", self.part(row)));
-        facts.push(("Motion", "its own, of the scene".to_owned()));
+        facts.push(("Motion", "its own".to_owned()));
         if let Some(edited) = &self.edited {
             facts.push(("The edit", edited.classes_of_source[row].label().to_owned()));
         }
@@ -131,7 +131,7 @@ impl Descriptions {
         let (motion, why) = self.motion(edited, row, kind);
         facts.push(("The edit", Class::of(kind).label().to_owned()));
         facts.push(("Motion", motion));
-        facts.push(("Why", why));
+        facts.push(("Reason", why));
         if let Some(id) = binding.heaviest(row) {
             facts.push(("Part that it follows", self.part(id as usize)));
         }
@@ -190,12 +190,12 @@ impl Descriptions {
                 (
                     format!("a blend of source splats {}{more}", listed.join(", ")),
                     format!(
-                        "it equals no source splat; the guide ({method}) chose these, the nearest is {nearest:.3} units away"
+                        "it equals no source splat; the guide ({method}) selected these, the nearest is {nearest:.3} units away"
                     ),
                 )
             }
             RowKind::Static => (
-                "none: it stays where the edit placed it".to_owned(),
+                "none: it is static".to_owned(),
                 "its surroundings are static, or no source splat is within reach".to_owned(),
             ),
             RowKind::Field => (

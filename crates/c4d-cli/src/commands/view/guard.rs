@@ -45,7 +45,7 @@ impl Token {
 /// The path of the request after the token.
 pub(super) fn admit<'a>(request: &'a Request, token: &Token) -> Result<&'a str, Response> {
     let Some(host) = &request.host else {
-        return Err(Response::refusal(400, "the request names no host"));
+        return Err(Response::refusal(400, "the request has no host"));
     };
     let name = host.rsplit_once(':').map_or(host.as_str(), |(name, port)| {
         if port.bytes().all(|byte| byte.is_ascii_digit()) { name } else { host }
@@ -57,7 +57,7 @@ pub(super) fn admit<'a>(request: &'a Request, token: &Token) -> Result<&'a str, 
     let is_read = request.method == "GET";
     match &request.origin {
         Some(origin) if !own(origin) => {
-            return Err(Response::refusal(403, "the origin is another page"));
+            return Err(Response::refusal(403, "the request comes from a different page"));
         }
         None if !is_read => return Err(Response::refusal(403, "the request has no origin")),
         _ => {}
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_page_itself_is_answered() {
+    fn only_requests_from_the_page_are_answered() {
         for host in ["127.0.0.1:8000", "localhost:9", "LOCALHOST", "[::1]:80"] {
             assert_eq!(status("GET", "/abc/x", host, None), None, "{host}");
         }

@@ -16,7 +16,7 @@ const MAX_DROPPED: usize = 1024 * 1024;
 /// Time limit for reading and dropping them.
 const LINGER: Duration = Duration::from_millis(500);
 /// Timeout for a complete request.
-const PATIENCE: Duration = Duration::from_secs(10);
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A complete request.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -111,7 +111,7 @@ struct Head {
 /// Reads one request; malformed, too large and too slow ones are refused. `None` if the connection
 /// was closed before the request began.
 pub(super) fn read(stream: &mut TcpStream) -> Result<Option<Request>, Response> {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + REQUEST_TIMEOUT;
     let mut received = Vec::new();
     let (end, head) = loop {
         if let Some(found) = parse(&received)? {
@@ -184,7 +184,7 @@ fn parse(received: &[u8]) -> Result<Option<(usize, Head)>, Response> {
         Ok(Some(text.trim().to_owned()))
     };
     if header("transfer-encoding")?.is_some() {
-        return Err(Response::refusal(411, "give the length of the request"));
+        return Err(Response::refusal(411, "the request has no length"));
     }
     let length = match header("content-length")? {
         Some(text) if text.bytes().all(|byte| byte.is_ascii_digit()) && !text.is_empty() => {

@@ -9,7 +9,7 @@ use crate::evidence::evidence;
 use crate::failure::{Failure, Outcome};
 use crate::memory;
 use crate::overlays::LayerSource;
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::DynamicScene;
 use gs_player::{Annotations, Encoded, Options, Overlay};
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// A scene, encoded.
 #[derive(Debug)]
 pub(super) struct ShownScene {
-    pub(super) opened: Opened,
+    pub(super) opened: LoadedScene,
     /// Whether the scene before the edit is also shown.
     pub(super) has_before: bool,
     pub(super) times: Vec<f32>,
@@ -28,7 +28,7 @@ pub(super) struct ShownScene {
 impl ShownScene {
     /// Encodes a scene with `frames` frames.
     pub(super) fn encode(
-        opened: Opened,
+        opened: LoadedScene,
         frames: usize,
         args: &ViewArgs,
         global: &Global,
@@ -80,16 +80,16 @@ impl ShownScene {
 }
 
 /// The overlays of a scene: the requested ones that apply, else all except uncertainty.
-fn kinds(args: &ViewArgs, opened: &Opened) -> Vec<OverlayArg> {
+fn kinds(args: &ViewArgs, opened: &LoadedScene) -> Vec<OverlayArg> {
     let applies = |kind: &OverlayArg| {
         if kind.needs_run() { opened.binding.is_some() } else { !opened.kind.is_frame() }
     };
-    let asked = if args.overlay.is_empty() {
+    let requested = if args.overlay.is_empty() {
         OverlayArg::ALL.into_iter().filter(|kind| *kind != OverlayArg::Uncertainty).collect()
     } else {
         args.overlay.clone()
     };
-    asked.into_iter().filter(applies).collect()
+    requested.into_iter().filter(applies).collect()
 }
 
 /// The overlay of a run that is shown without its source.

@@ -123,12 +123,12 @@ impl<'a> Job<'a> {
             return Ok(None);
         }
         let what = if stored.is_some() {
-            "was made from other inputs or flags"
+            "was computed from different inputs or flags"
         } else {
             "is not a run of this suite"
         };
         Err(Failure::usage(format!("{} {what}", self.folder.display()))
-            .next("-w makes such runs again; another -o keeps them."))
+            .next("-w computes such runs again; a different -o keeps them."))
     }
 
     /// Propagates and measures.
@@ -176,7 +176,7 @@ impl<'a> Job<'a> {
 fn parse(arguments: &[OsString]) -> Outcome<(Cli, Global)> {
     let cli = Cli::of(arguments)?;
     if !matches!(cli.command, Command::Propagate(_) | Command::Eval(_)) {
-        return Err(Failure::usage("the flags name another command"));
+        return Err(Failure::usage("the flags name a different command"));
     }
     let global = cli.global();
     Ok((cli, global))

@@ -1,6 +1,6 @@
 """Unbalanced transport compared with POT: one process, all cores for both, equal accuracy.
 
-.ci/python creates the environment: target/python/new/bin/python crates/c4d-py/benches/beside_pot.py
+.ci/python creates the environment: target/python/new/bin/python crates/c4d-py/benches/compare_with_pot.py
 """
 
 import time

@@ -48,7 +48,7 @@ fn damaged_run_folders_are_errors() {
     let cli = Cli::parse_from(words);
     let global = cli.global();
     let console = Console::new(true, false, false);
-    let Command::Propagate(args) = &cli.command else { panic!("another command") };
+    let Command::Propagate(args) = &cli.command else { panic!("a different command") };
     commands::propagate::run(args, &global, &console).unwrap();
     let state = cuar::State {
         fingerprint: 3,

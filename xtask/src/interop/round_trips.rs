@@ -1,4 +1,4 @@
-//! [`Trip`]: the program, the scene, and the folder for exchanged files.
+//! [`RoundTrips`]: the program, the scene, and the folder for exchanged files.
 
 use anyhow::{Result, bail};
 use gs_core::Splats;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// Data shared by all round trips.
-pub(super) struct Trip {
+pub(super) struct RoundTrips {
     /// The program `c4d`.
     pub(super) c4d: PathBuf,
     /// Folder in which programs run; the scene is `source` in it.
@@ -15,7 +15,7 @@ pub(super) struct Trip {
     pub(super) frames: Vec<Splats>,
 }
 
-impl Trip {
+impl RoundTrips {
     /// Runs `c4d` in the folder.
     pub(super) fn c4d(&self, arguments: &[&str]) -> Result<()> {
         let output = Command::new(&self.c4d).args(arguments).current_dir(&self.files).output()?;

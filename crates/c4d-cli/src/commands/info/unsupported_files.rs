@@ -20,9 +20,9 @@ pub(super) fn of_folder(path: &Path) -> Option<(Vec<String>, &'static str)> {
         found.extend(inside.into_iter().map(|(kind, count)| (format!("{name}: "), kind, count)));
     }
     let next = found.first()?.1.next;
-    let line = |(place, kind, count): &(String, UnsupportedFormat, usize)| match count {
-        1 => format!("{place}1 file, {}", kind.name),
-        _ => format!("{place}{count} files, each {}", kind.name),
+    let line = |(prefix, kind, count): &(String, UnsupportedFormat, usize)| match count {
+        1 => format!("{prefix}1 file, {}", kind.name),
+        _ => format!("{prefix}{count} files, each {}", kind.name),
     };
     Some((found.iter().map(line).collect(), next))
 }

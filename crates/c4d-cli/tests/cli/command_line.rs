@@ -90,16 +90,19 @@ fn dry_run(folder: &Path, more: &[&str]) -> assert_cmd::Command {
 fn a_dry_run_counts_and_shows_changes_and_writes_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
-    let (said, _) = success(&mut dry_run(folder.path(), &["-o", path(&run)]));
+    let (stdout, _) = success(&mut dry_run(folder.path(), &["-o", path(&run)]));
     let total = ply::read_file(&fixture("synth/source/frame_00000.ply")).unwrap().splats.len();
     let count = |name: &str| -> usize {
-        let line = said.lines().find(|line| line.trim_start().starts_with(name)).unwrap();
+        let line = stdout.lines().find(|line| line.trim_start().starts_with(name)).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     };
-    assert_eq!(count("unchanged"), total - 420, "{said}");
-    assert_eq!((count("recoloured"), count("new"), count("gone")), (300, 50, 120), "{said}");
+    assert_eq!(count("unchanged"), total - 420, "{stdout}");
+    assert_eq!((count("recoloured"), count("new"), count("removed")), (300, 50, 120), "{stdout}");
     let picture = folder.path().join("run.preview.png");
-    assert!(said.trim_end().ends_with(path(&picture)), "the last line names the picture: {said}");
+    assert!(
+        stdout.trim_end().ends_with(path(&picture)),
+        "the last line names the picture: {stdout}"
+    );
     assert!(!run.exists(), "no run");
     assert_eq!(listing(folder.path()), ["edit.ply", "run.preview.png"], "nothing else");
 
@@ -133,15 +136,15 @@ fn duration(mp4: &Path) -> f64 {
 }
 
 #[test]
-fn fewer_frames_do_not_mean_faster_action() {
+fn fewer_frames_do_not_shorten_the_clip() {
     let folder = tempfile::tempdir().unwrap();
     let source = fixture("synth/source");
     let render = |name: &str, more: &[&str]| {
         let mp4 = folder.path().join(name);
         let small = ["--size", "32x32", "-g", "cpu"];
-        let said =
+        let stderr =
             success(c4d(["render", path(&source), "-o", path(&mp4)]).args(small).args(more)).1;
-        (duration(&mp4), said)
+        (duration(&mp4), stderr)
     };
     // Three stored frames at 30 per second; any other number of frames has the same duration.
     let near = |found: f64, expected: f64| (found / expected - 1.0).abs() < 0.02;
@@ -149,10 +152,10 @@ fn fewer_frames_do_not_mean_faster_action() {
         let (secs, _) = render(&format!("{frames}.mp4"), &["--frames", frames]);
         assert!(near(secs, 0.1), "{frames} frames last {secs} s");
     }
-    let (secs, said) = render("long.mp4", &["--frames", "6", "--duration", "3"]);
+    let (secs, stderr) = render("long.mp4", &["--frames", "6", "--duration", "3"]);
     assert!(
-        near(secs, 3.0) && said.contains("6 frames at 2 per second, 3.0 s"),
-        "{secs} s: {said}"
+        near(secs, 3.0) && stderr.contains("6 frames at 2 per second, 3.0 s"),
+        "{secs} s: {stderr}"
     );
     let (secs, _) = render("rate.mp4", &["--duration", "2", "--fps", "5"]);
     assert!(near(secs, 2.0), "{secs} s");
@@ -178,8 +181,8 @@ fn contradictory_and_ineffective_times_are_refused() {
     let refused = |more: &[&str], name: &str, expected: &str| {
         let out = folder.path().join(name);
         let mut command = c4d(["render", path(&source), "--size", "32x32", "-o", path(&out)]);
-        let said = failure(command.args(more), 2);
-        assert!(said.contains(expected), "{more:?}: {said}");
+        let stderr = failure(command.args(more), 2);
+        assert!(stderr.contains(expected), "{more:?}: {stderr}");
         assert!(!out.exists(), "no output is written");
     };
     let three = ["--frames", "3", "--fps", "5", "--duration", "2"];
@@ -198,8 +201,8 @@ fn flags_without_effect_are_refused() {
     let (source, cameras) = (fixture("synth/source"), fixture("cameras/dnerf"));
     let out = folder.path().join("out");
     let refused = |command: &[&str], expected: &str| {
-        let said = failure(c4d(command).args([path(&source), "-o", path(&out)]), 2);
-        assert!(said.contains(expected), "{command:?}: {said}");
+        let stderr = failure(c4d(command).args([path(&source), "-o", path(&out)]), 2);
+        assert!(stderr.contains(expected), "{command:?}: {stderr}");
         assert!(!out.exists(), "no output is written");
     };
     let given = ["--cameras", path(&cameras), "--up", "y"];
@@ -238,8 +241,8 @@ fn the_help_lists_exactly_the_flags_of_a_command() {
         }
     }
     // Flags that are not listed are not accepted.
-    let said = failure_of_usage(&["doctor", "-w"]);
-    assert!(said.contains("unexpected argument"), "{said}");
+    let stderr = failure_of_usage(&["doctor", "-w"]);
+    assert!(stderr.contains("unexpected argument"), "{stderr}");
 }
 
 /// Usage errors of the command-line parser.
@@ -278,7 +281,7 @@ fn errors_name_the_flag_and_a_next_step_of_the_command() {
         if !matches!(command[0], "view" | "refine") {
             program.args(["-o", path(&output)]);
         }
-        let said = failure(&mut program, exit);
-        assert!(expected.iter().all(|text| said.contains(text)), "{command:?}: {said}");
+        let stderr = failure(&mut program, exit);
+        assert!(expected.iter().all(|text| stderr.contains(text)), "{command:?}: {stderr}");
     }
 }

@@ -16,7 +16,7 @@ pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
 }
 
 /// Prints the size, the losses and the path of the output.
-pub(super) fn say_written(
+pub(super) fn note_written(
     output: &Path,
     elapsed: Duration,
     what: &str,
@@ -25,12 +25,12 @@ pub(super) fn say_written(
 ) {
     let megabytes = size(output) as f64 / 1e6;
     console.note(format!("{megabytes:.1} MB in {:.1} s: {what}", elapsed.as_secs_f64()));
-    say(losses, console);
+    note_losses(losses, console);
     console.output(output, &[]);
 }
 
 /// Prints the losses.
-pub(crate) fn say(losses: &Losses, console: &Console) {
+pub(crate) fn note_losses(losses: &Losses, console: &Console) {
     for sentence in losses.sentences() {
         console.note(format!("not kept: {sentence}"));
     }

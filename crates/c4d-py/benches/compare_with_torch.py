@@ -1,7 +1,7 @@
 """The 4DGS deformation network compared with PyTorch: one process, one thread each, equal outputs.
 
 Needs the package and a CPU build of PyTorch in one environment:
-    pip install catalyst4d torch && python crates/c4d-py/benches/beside_torch.py
+    pip install catalyst4d torch && python crates/c4d-py/benches/compare_with_torch.py
 
 Models have random weights in the three published configurations. *Cached*: the features of the
 three spatial planes are known from an earlier time, for both. *Uncached*: they are computed, too;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// A folder with a scene, an edit and a run.
-pub(crate) struct Workshop {
+pub(crate) struct Setup {
     folder: TempDir,
 }
 
@@ -22,17 +22,17 @@ pub(crate) struct Job {
     pub(crate) output: &'static str,
 }
 
-impl Workshop {
+impl Setup {
     /// A sequence, an edit of it, and a run.
     pub(crate) fn new() -> Self {
-        let workshop = Self { folder: tempfile::tempdir().unwrap() };
-        let (source, edited) = (fixture("synth/source"), workshop.at("edited.ply"));
+        let setup = Self { folder: tempfile::tempdir().unwrap() };
+        let (source, edited) = (fixture("synth/source"), setup.at("edited.ply"));
         fs::copy(fixture("synth/edited.ply"), &edited).unwrap();
-        let run = workshop.text("run");
-        let edited = workshop.text("edited.ply");
+        let run = setup.text("run");
+        let edited = setup.text("edited.ply");
         let source = source.to_str().unwrap();
         success(&mut c4d(["propagate", source, "--edited", &edited, "--no-refine", "-o", &run]));
-        workshop
+        setup
     }
 
     pub(crate) fn at(&self, name: &str) -> PathBuf {

@@ -1,7 +1,7 @@
 //! The main workflow end to end, on a small synthetic scene with
 //! ground truth and on a small 4DGS model.
 
-use crate::support::{c4d, fixture, listing, success};
+use crate::support::{c4d, failure, fixture, listing, success};
 use gs_core::{DynamicScene, Splats};
 use gs_io::{Existing, ply};
 use std::path::Path;
@@ -35,7 +35,7 @@ fn edit_is_propagated_and_exported() {
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let source = fixture("synth/source");
     let edited = fixture("synth/edited.ply");
-    let (_, said) = success(&mut c4d([
+    let (_, stderr) = success(&mut c4d([
         "propagate",
         path(&source),
         "--no-refine",
@@ -44,7 +44,7 @@ fn edit_is_propagated_and_exported() {
         "-o",
         path(&run),
     ]));
-    assert!(said.contains("unchanged (exact)"), "reports the identity map: {said}");
+    assert!(stderr.contains("unchanged (exact)"), "reports the identity map: {stderr}");
     assert_eq!(listing(&run), ["c4d.toml", "report.html", "run.json", "scene.c4d"], "run folder");
     success(&mut c4d(["export", path(&run), "--to", "ply-seq", "--frames", "3", "-o", path(&out)]));
     let exported = frames(&out);
@@ -70,7 +70,7 @@ fn edit_is_propagated_and_exported() {
 }
 
 #[test]
-fn shuffled_but_unedited_moves_exactly_like_the_source() {
+fn shuffled_unedited_splats_move_exactly_like_the_source() {
     let folder = tempfile::tempdir().unwrap();
     let (run, out) = (folder.path().join("run"), folder.path().join("out"));
     let source = fixture("synth/source");
@@ -114,7 +114,7 @@ fn model_4dgs_freezes_propagates_renders_exports() {
     for (name, extra) in [
         ("run", vec![]),
         ("paper", vec!["--preset", "paper"]),
-        ("all", vec!["--motion", "amg-all"]),
+        ("all", vec!["--motion", "all"]),
         ("knn", vec!["--baseline", "knn"]),
         ("net", vec!["--baseline", "deformnet"]),
     ] {
@@ -368,4 +368,40 @@ fn results_do_not_depend_on_the_number_of_threads() {
         scenes.push(std::fs::read(run.join("scene.c4d")).unwrap());
     }
     assert!(scenes[0] == scenes[1], "bit for bit");
+}
+
+#[test]
+fn a_run_moved_together_with_its_source_gives_the_same_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let (before, after) = (folder.path().join("before"), folder.path().join("after"));
+    let (fixed, source) = (fixture("synth/source"), before.join("source"));
+    std::fs::create_dir_all(&source).unwrap();
+    for name in listing(&fixed) {
+        std::fs::copy(fixed.join(&name), source.join(&name)).unwrap();
+    }
+    let mut propagate = c4d(["propagate", "--no-refine"]);
+    propagate.arg(&source).arg("--edited").arg(fixture("synth/edited.ply"));
+    success(propagate.arg("-o").arg(before.join("run")));
+    let export = |run: &Path, out: &str| {
+        let out = folder.path().join(out);
+        success(&mut c4d([
+            "export",
+            path(run),
+            "--frames",
+            "3",
+            "--to",
+            "ply-seq",
+            "-o",
+            path(&out),
+        ]));
+        frames(&out)
+    };
+    let expected = export(&before.join("run"), "frames-before");
+    std::fs::rename(&before, &after).unwrap();
+    assert!(export(&after.join("run"), "frames-after") == expected, "bit for bit");
+    // Negative control: without its source, the run does not open.
+    let alone = folder.path().join("alone");
+    std::fs::rename(after.join("run"), &alone).unwrap();
+    let stderr = failure(&mut c4d(["info", path(&alone)]), 3);
+    assert!(stderr.contains("the source scene of") && stderr.contains("is missing"), "{stderr}");
 }

@@ -1,4 +1,4 @@
-//! [`Opened`]: a scene with the metadata of its files.
+//! [`LoadedScene`]: a scene with the metadata of its files.
 
 use crate::passes::Mask;
 use amg::Binding;
@@ -12,7 +12,7 @@ pub(crate) const UP_CAPTURED: [f64; 3] = [0.0, -1.0, 0.0];
 
 /// An opened scene.
 #[derive(Debug)]
-pub(crate) struct Opened {
+pub(crate) struct LoadedScene {
     /// The scene itself.
     pub(crate) scene: Arc<dyn DynamicScene>,
     /// The scene's own deformation network with its canonical splats, if it has one.

@@ -1,4 +1,4 @@
-//! [`Shot`]: scene, views and times of a render.
+//! [`RenderJob`]: scene, views and times of a render.
 
 use super::views::Views;
 use crate::args::Pass;
@@ -9,7 +9,7 @@ use crate::overlays::{Layer, LayerSource, overlay_image};
 use crate::part::Share;
 use crate::passes::PassImage;
 use crate::renderer::{self, Renderer};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use crate::{memory, passes};
 use gs_core::{Camera, DynamicScene, Image, RenderOutput, Splats};
 use std::ops::Range;
@@ -19,7 +19,7 @@ use std::ops::Range;
 const BYTES_PER_PIXEL: u64 = 64;
 
 /// Scene, views and times of a render.
-pub(crate) struct Shot<'a> {
+pub(crate) struct RenderJob<'a> {
     pub(crate) scene: &'a dyn DynamicScene,
     pub(crate) edit_time: f32,
     pub(crate) mask: passes::Mask,
@@ -37,7 +37,7 @@ pub(crate) struct Shot<'a> {
     pub(crate) console: &'a Console,
 }
 
-impl Shot<'_> {
+impl RenderJob<'_> {
     /// Calls `sink` for every image, frames in order. Warns about images
     /// in which no splat of the scene is visible.
     pub(crate) fn render(&self, mut sink: impl FnMut(&Exposure<'_>) -> Outcome) -> Outcome {
@@ -46,7 +46,7 @@ impl Shot<'_> {
         memory::require(
             &format!("an image of {largest} pixels"),
             largest * BYTES_PER_PIXEL,
-            "Give a smaller --size.",
+            "Use a smaller --size.",
         )?;
         let (mut empty, mut count) = (0, 0);
         self.expose(|exposure| {
@@ -137,7 +137,7 @@ impl Shot<'_> {
 /// The overlays of the passes that show one.
 pub(crate) fn layers(
     passes: &[Pass],
-    opened: &Opened,
+    opened: &LoadedScene,
     console: &Console,
 ) -> Outcome<Vec<(Pass, Layer)>> {
     let mut source = LayerSource::new(opened);

@@ -109,7 +109,8 @@ impl Editor {
                 let found = resources.splats.get(file);
                 let graft = found.ok_or_else(|| missing("splats", file))?;
                 graft.check_shapes()?;
-                let graft = pose.similarity().place(&graft.with_sh_degree(self.splats.sh_degree));
+                let graft =
+                    pose.similarity().transform(&graft.with_sh_degree(self.splats.sh_degree));
                 check_finite(name, &graft, 0..graft.len())?;
                 self.append(&graft, vec![None; graft.len()]);
                 return Ok(());
@@ -126,11 +127,11 @@ impl Editor {
             }
             Action::Rotate { degrees, pivot } => {
                 let turn = Similarity { rotation: rotation(*degrees), ..Similarity::IDENTITY };
-                part = about(turn, pivot_of(&part, *pivot)).place(&part);
+                part = about(turn, pivot_of(&part, *pivot)).transform(&part);
             }
             Action::Scale { factor, pivot } => {
                 let scale = Similarity { scale: *factor, ..Similarity::IDENTITY };
-                part = about(scale, pivot_of(&part, *pivot)).place(&part);
+                part = about(scale, pivot_of(&part, *pivot)).transform(&part);
             }
             Action::Opacity(factor) => {
                 for logit in &mut part.opacity_logits {
@@ -220,7 +221,7 @@ fn rotation(degrees: [f64; 3]) -> [f64; 4] {
 
 /// `map` with the fixed point `pivot` instead of the origin.
 fn about(map: Similarity, pivot: [f64; 3]) -> Similarity {
-    let turned = map.turn(pivot);
+    let turned = map.apply_vector(pivot);
     Similarity { translation: [0, 1, 2].map(|k| pivot[k] - turned[k]), ..map }
 }
 

@@ -1,5 +1,5 @@
 //! Scenes other than the goldens: another figure, other motions, other seeds, known true motion.
-use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, propagate};
+use amg::{Aggregation, Binding, EditedScene, MotionOptions, MotionPreset, propagate};
 use gs_core::{DynamicScene, SplitMix64, standard_normal};
 use gs_synth::{
     MotionError, Tag, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbors,
@@ -27,7 +27,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     let scene = build(case.parse::<TruthCase>().unwrap(), seed, size).unwrap();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let edited = Arc::new(scene.edited.splats.clone());
-    let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
+    let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
         let options = MotionOptions::preset(preset);
         propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {}).unwrap().scene
     });
@@ -48,7 +48,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
 /// Limits as shares of KNN-Guide's error and, of rotations, in degrees, about a quarter above the
 /// measured values; on edited splats, the control is not better.
 #[test]
-fn the_default_is_far_ahead_of_the_nearest_neighbors() {
+fn the_default_has_smaller_errors_than_nearest_neighbors() {
     for (case, share, rotation) in [
         ("drift", 0.3, 0.53),
         ("clothing", 0.14, 0.74),
@@ -89,7 +89,7 @@ fn the_default_is_far_ahead_of_the_nearest_neighbors() {
 }
 
 #[test]
-fn untouched_geometry_keeps_its_motion_whatever_the_guide() {
+fn unchanged_geometry_keeps_its_motion_with_any_guide() {
     for case in ["recolour", "shuffled-rows"] {
         let [knn, _, best] = errors(case, 2, 1500);
         let (knn, best) = (knn.all.epe, best.all.epe);

@@ -66,7 +66,7 @@ impl Fate {
     fn of(identity: Identity) -> Self {
         match identity {
             Identity::Unchanged(_) => Self::Unchanged,
-            Identity::Recoloured(_) => Self::Recoloured,
+            Identity::Recolored(_) => Self::Recoloured,
             Identity::Moved { .. } => Self::Moved,
             Identity::Edited => Self::New,
         }
@@ -91,7 +91,7 @@ pub(super) fn show(
         .map_err(|error| Failure::bad_input(chain(&error)))?;
     let fates = map.rows.iter().map(|row| Fate::of(*row));
     let fates: Vec<Fate> =
-        fates.chain(std::iter::repeat_n(Fate::Gone, map.vanished.len())).collect();
+        fates.chain(std::iter::repeat_n(Fate::Gone, map.removed.len())).collect();
     let count = |fate| fates.iter().filter(|other| **other == fate).count();
     let counts = Fate::ALL.map(|fate| (fate.name().to_owned(), json!(count(fate))));
     console.report(|| json!({ "splats": serde_json::Map::from_iter(counts) }));
@@ -100,7 +100,7 @@ pub(super) fn show(
     }
 
     let mut both = after.clone();
-    for &row in &map.vanished {
+    for &row in &map.removed {
         both.push_from(before, row as usize);
     }
     let device = Device::open(global.gpu)?;

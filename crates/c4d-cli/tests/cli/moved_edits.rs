@@ -87,7 +87,7 @@ fn top(frames: &[Splats], radius: f32) -> Vec<usize> {
 }
 
 fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
-    let (placed, mut edited) = (similarity.place(&splats.select(rows)), splats.clone());
+    let (placed, mut edited) = (similarity.transform(&splats.select(rows)), splats.clone());
     let coeffs = edited.sh_coeffs();
     for (i, &row) in rows.iter().enumerate() {
         edited.means[row] = placed.means[i];
@@ -101,7 +101,7 @@ fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Spla
 #[test]
 fn a_rotated_scene_is_detected_and_align_undoes_it() {
     let (desk, frames) = (Desk::new(), originals());
-    let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
+    let edited = desk.save("turned.ply", &HALF_TURN_ABOUT_X.transform(&frames[0]));
     let said = failure(&mut desk.propagate(&edited, "refused", &[]), 3);
     assert!(said.contains("is the scene rotated 180° about x"), "{said}");
     assert!(said.contains("--align"), "the next step: {said}");
@@ -115,7 +115,7 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     // Without --align, the scene moves in the rotated frame.
     let (_, said) = success(&mut desk.propagate(&edited, "kept", &["--allow-far"]));
     assert!(said.contains("keeps this"), "{said}");
-    let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
+    let last = HALF_TURN_ABOUT_X.transform(frames.last().unwrap());
     let found = desk.frames("kept");
     let far = |a: &Splats, b: &Splats| {
         let pairs = a.means.iter().zip(&b.means);
@@ -154,7 +154,7 @@ fn axes_scale_and_handedness_of_other_tools() {
             "moved by (40, 0, -7)",
         ),
     ] {
-        let edited = desk.save(&format!("{name}.ply"), &similarity.place(&frames[0]));
+        let edited = desk.save(&format!("{name}.ply"), &similarity.transform(&frames[0]));
         let said = failure(&mut desk.propagate(&edited, &format!("{name}-no"), &[]), 3);
         assert!(said.contains(words), "{name}: {said}");
         success(&mut desk.propagate(&edited, name, &["--align"]));
@@ -229,7 +229,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     // A selection that was scaled before it was saved does not change the size
     // of the whole scene, unless --align is given.
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
-    let edited = desk.save("larger.ply", &larger.place(&frames[0].select(&rows)));
+    let edited = desk.save("larger.ply", &larger.transform(&frames[0].select(&rows)));
     let (_, said) = success(&mut desk.propagate(&edited, "larger", &[]));
     assert!(
         said.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),

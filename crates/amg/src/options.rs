@@ -209,6 +209,7 @@ impl Default for DynamicParams {
 
 /// Whether an edit applies to splats or to the surface that they represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Follow {
     /// The edit applies to the splats of the edit frame and is visible as long as they are.
     #[default]

@@ -34,10 +34,10 @@ pub(crate) fn mark(
     generations: &Generations,
     identity: &IdentityMap,
     group_of: &[u32],
-    beside: &[Companion],
+    companions: &[Companion],
     rows: &mut [Row],
 ) -> Vec<Inherited> {
-    for companion in beside {
+    for companion in companions {
         rows[companion.row].0 = RowKind::Copied;
     }
     let num_sources = generations.lifetimes.len();

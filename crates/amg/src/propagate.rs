@@ -86,7 +86,7 @@ pub fn propagate(
 
     report.num_dynamic = split.dynamic.iter().filter(|&&d| d).count();
     let mut rows = exact_rows(&identity);
-    let beside = match options.guide {
+    let near_copies = match options.guide {
         MotionGuide::Regions(_) => {
             let reach = f64::from(options.reach) * split.figure_size;
             companions(&keys, &edited, &identity, reach)
@@ -95,7 +95,9 @@ pub fn propagate(
     };
     let mut input = GuideInput::of(&keys, &split, &edited, &identity, options, &mut report);
     // Both are sorted by row.
-    input.open.retain(|row| beside.binary_search_by_key(row, |companion| companion.row).is_err());
+    input
+        .open
+        .retain(|row| near_copies.binary_search_by_key(row, |companion| companion.row).is_err());
     let mut aggregation = options.aggregation;
     for (&row, found) in
         input.open.iter().zip(input.bind(&mut aggregation, &mut report, progress)?)
@@ -103,11 +105,11 @@ pub fn propagate(
         rows[row] = found;
     }
     let mut groups = carriers::groups(&keys, &split.dynamic, &identity);
-    for companion in &beside {
+    for companion in &near_copies {
         rows[companion.row] = (RowKind::Moved, vec![(companion.source, 1.0)]);
         groups.of_row[companion.row] = groups.of_row[companion.neighbor];
     }
-    report.near_copies = beside.len();
+    report.near_copies = near_copies.len();
     let mut inherited = match &followed {
         Some((generations, _)) => {
             let frames = (&keys.at_edit, &*edited);
@@ -116,7 +118,7 @@ pub fn propagate(
         None => Vec::new(),
     };
     let hidden = followed.as_ref().map_or_else(Vec::new, |(generations, _)| {
-        persistent_copies::mark(generations, &identity, &groups.of_row, &beside, &mut rows)
+        persistent_copies::mark(generations, &identity, &groups.of_row, &near_copies, &mut rows)
     });
     let kinds_and_sources = rows.iter().map(|(kind, entries)| (*kind, &entries[..]));
     let mut binding = Binding::from_rows(kinds_and_sources, keys.at_edit.len())

@@ -126,8 +126,8 @@ impl SignatureTable {
     fn cells(&self, k: usize, value: f64) -> (i64, i64) {
         let at = value / self.width[k];
         let cell = at.floor();
-        let beside = if at - cell < 0.5 { -1 } else { 1 };
-        (cell as i64, (cell as i64).saturating_add(beside))
+        let neighbor = if at - cell < 0.5 { -1 } else { 1 };
+        (cell as i64, (cell as i64).saturating_add(neighbor))
     }
 
     /// The nearest splats whose values differ by at most `limits`, nearest first, with squared

@@ -68,7 +68,7 @@ impl StoredPair<'_> {
     fn best(&self, near: &[Neighbor], ids: &[u32]) -> Identity {
         let (mut whole, mut shape) = (None::<(f64, u32)>, None::<(f64, u32)>);
         let keep = |best: &mut Option<(f64, u32)>, found: f64, id: u32| {
-            if best.is_none_or(|(least, _)| found < least) {
+            if best.is_none_or(|(best_deviation, _)| found < best_deviation) {
                 *best = Some((found, id));
             }
         };

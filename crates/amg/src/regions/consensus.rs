@@ -110,13 +110,13 @@ impl<'a> Consensus<'a> {
                 #[inline(always)]
                 || self.squared_residuals(entries, squares),
             );
-            let mut least = 1.0_f64;
+            let mut smallest = 1.0_f64;
             for ((entry, spatial), square) in entries.iter_mut().zip(&*spatial).zip(&*squares) {
                 let agreement = (scale * square).exp().max(MIN_SHARE);
-                least = least.min(agreement);
+                smallest = smallest.min(agreement);
                 entry.1 = spatial * agreement;
             }
-            if least > AGREED {
+            if smallest > AGREED {
                 break;
             }
         }

@@ -1,4 +1,4 @@
-//! The region that each edited splat follows: its own match, or that of another splat.
+//! The region that each edited splat follows: its own match, or that of a different splat.
 
 use super::attachment::NewPieces;
 use super::candidates::Candidates;

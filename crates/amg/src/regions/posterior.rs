@@ -168,10 +168,10 @@ impl<'a> RegionModel<'a> {
         let candidates = self.candidates.of_splat(e);
         // Relative to the minimum: if all candidates were kept, the cost does not discriminate.
         let kept_costs = candidates.iter().map(|c| self.kept_cost[c.region as usize]);
-        let least = kept_costs.fold(f64::INFINITY, f64::min);
+        let smallest = kept_costs.fold(f64::INFINITY, f64::min);
         for candidate in candidates {
             let region = candidate.region as usize;
-            let penalty = self.marginal_penalty[region] + self.kept_cost[region] - least;
+            let penalty = self.marginal_penalty[region] + self.kept_cost[region] - smallest;
             let mut cost = self.likelihoods[region].cost(candidate) + penalty.as_f32();
             if has_parent && candidate.hypothesis == 0 {
                 cost -= PARENT;

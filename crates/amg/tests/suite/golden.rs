@@ -44,9 +44,10 @@ fn relative_rotations_reproduce_the_table() {
     }
 }
 
-/// Agrees with the table of the goldens (0.492, 1.317, 1.657, 2.535) within 15 %, because their
-/// lines differ, and with a second independent implementation of the paper on two of the edits with
-/// the lines of seed 0, to the printed digits.
+/// Measured on this implementation, with the lines of seed 0, to 0.5 %. The first independent
+/// implementation samples other lines and has 0.492, 1.317, 1.657, 2.535: between 11 % lower and
+/// 4 % higher, which is not asserted. The second has the lines of seed 0, and agrees on two edits
+/// to its printed digits.
 #[test]
 fn the_paper_preset_agrees_with_independent_implementations() {
     let found =
@@ -116,20 +117,20 @@ fn farthest_point_anchors_reproduce_measured_errors() {
     }
 }
 
-/// Measured 0.030, 0.071, 0.068, 0.214 and rotations of 0.3, 0.3, 0.5, 0.8 degrees; KNN-Guide has
-/// 0.175, 0.905, 1.033, 1.802.
+/// Measured EPE 0.0298, 0.0746, 0.0684, 0.2212, rotation 0.28°, 0.34°, 0.48°, 0.86°, scale error
+/// 0.14 to 0.18; KNN-Guide has EPE 0.175, 0.905, 1.033, 1.802.
 #[test]
 fn errors_of_the_default_are_within_limits() {
-    let limits = [(0.040, 0.5), (0.095, 0.5), (0.09, 0.75), (0.24, 1.0)];
+    let limits = [(0.034, 0.36), (0.080, 0.36), (0.076, 0.6), (0.235, 0.9)];
     for (name, (limit, rotation)) in EDITS.into_iter().zip(limits) {
         let found = run(&MotionOptions::default(), &golden_edit(name));
         assert!(found.epe <= limit, "{name}: {found}, limit {limit}");
-        assert!(found.rot <= rotation && found.lns <= 0.4, "{name}: {found}");
+        assert!(found.rot <= rotation && found.lns <= 0.2, "{name}: {found}");
     }
 }
 
 /// Nine tenths of a real capture are static background without noise; it must not change the motion
-/// of the figure.
+/// of the figure. Measured EPE 0.221, as without background.
 #[test]
 fn a_static_background_changes_little() {
     let (mut source, size) = golden_source();
@@ -148,11 +149,12 @@ fn a_static_background_changes_little() {
     let found = propagate(Arc::new(source), splats, &options, &|_, _| {}).unwrap();
     assert_eq!(found.report.num_dynamic, 1500, "the figure");
     let error = score(&found.scene, &edit, size);
-    assert!(error.epe < 0.35, "{error}");
+    assert!(error.epe < 0.235, "{error}");
 }
 
 /// Splats that move unlike their neighbours must not determine the motion of others, even if one
 /// splat in twenty is such a splat, lies inside the figure and was kept by the edit.
+/// Measured 1.036 times the error without them.
 #[test]
 fn floaters_that_the_edit_keeps_have_little_influence() {
     let (mut source, size) = golden_source();
@@ -180,12 +182,12 @@ fn floaters_that_the_edit_keeps_have_little_influence() {
 }
 
 /// Negative control of the metric and of the aggregation: the default's matches with the paper's
-/// averages have a far larger error.
+/// averages have a far larger error. Measured EPE 1.330, with rigid positions 0.229; rotation 25.5°.
 #[test]
 fn averaging_translations_increases_errors() {
     let options = MotionOptions::default().with_aggregation(Aggregation::PAPER);
     let found = run(&options, &golden_edit("all"));
-    assert!(found.epe > 0.9 && found.rot > 15.0, "{found}");
+    assert!(found.epe > 1.2 && found.rot > 23.0, "{found}");
     let rigid = Aggregation {
         position: PositionRule::Rigid,
         scale: ScaleRule::Isotropic,
@@ -193,7 +195,7 @@ fn averaging_translations_increases_errors() {
     };
     let options = MotionOptions::default().with_aggregation(rigid);
     let found = run(&options, &golden_edit("all"));
-    assert!(found.epe < 0.4 && found.rot > 15.0, "additive rotations alone: {found}");
+    assert!(found.epe < 0.245 && found.rot > 23.0, "additive rotations alone: {found}");
 }
 
 #[test]

@@ -173,7 +173,7 @@ fn far_from_the_origin_errors_are_those_of_rounded_coordinates() {
 #[test]
 fn permuting_rows_permutes_the_result() {
     for mut case in [golden("inflate"), golden("graft"), synthetic(TruthCase::Everything, 2500)] {
-        // Two pairs of coincident splats: one with another opacity, one with another motion.
+        // Two pairs of coincident splats: one pair differs in opacity, the other in motion.
         for (t, frame) in case.source.frames.iter_mut().enumerate() {
             for i in 0..50 {
                 frame.push_from(&frame.clone(), 20 * i);

@@ -304,7 +304,7 @@ fn whole_scenes_keep_their_trajectories_under_the_similarity() {
                 let miss = distance(now.means[row], then.means[row].map(f64::from));
                 assert!(miss < 1e-4 * size, "row {row} has an error of {miss}");
                 let turn = quat::dot(now.rotation(row), then.rotation(row)).abs();
-                assert!(turn > 0.9999, "row {row} has another rotation: {turn}");
+                assert!(turn > 0.9999, "row {row} has a different rotation: {turn}");
             }
         }
     }
@@ -343,7 +343,7 @@ fn edits_without_moved_groups_have_none() {
         let all: Vec<usize> = (0..other.len()).collect();
         let turned = placed(&other, &all, &about([0.0; 3], 1.7, [0.5, 0.5, 0.1, 0.0], [9.0; 3]));
         let found = IdentityMap::of(&first, &turned, &params).unwrap();
-        assert!(found.moved * 100 <= turned.len(), "{} of another scene", found.moved);
+        assert!(found.moved * 100 <= turned.len(), "{} of a different scene", found.moved);
     }
     let off = IdentityParams { moved: false, ..IdentityParams::default() };
     let rows = of_parts(&scene, &[Part::Head]);

@@ -110,8 +110,8 @@ fn edits_without_overlap_are_static_and_counted() {
         let found = run(&source, &far, &MotionOptions::preset(preset));
         assert_eq!(found.scene.at(1.0).unwrap(), far, "{preset:?}: nothing to follow");
         assert_eq!(found.report.out_of_reach, far.len(), "{preset:?}: counted");
-        let said = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
-        assert!(said, "{preset:?}: {:?}", found.report.warnings);
+        let is_warned = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
+        assert!(is_warned, "{preset:?}: {:?}", found.report.warnings);
     }
     // The paper's method has no distance limit, so all splats follow their transport matches.
     let found = run(&source, &far, &MotionOptions::preset(MotionPreset::Paper));
@@ -186,7 +186,7 @@ fn new_objects_follow_the_nearest_part_within_reach() {
     }
     let found = run(&source, &halo(3.0), &MotionOptions::default());
     assert_eq!(found.report.out_of_reach, 40, "{:?}", found.report.warnings);
-    assert!(found.report.warnings.iter().any(|w| w.contains("beyond reach")), "said so");
+    assert!(found.report.warnings.iter().any(|w| w.contains("beyond reach")), "is_warned so");
 }
 
 #[test]

@@ -336,7 +336,7 @@ fn coincident_clones_do_not_change_the_opacity_of_descendants() {
     for row in in_pairs {
         halved.opacity_logits[row] = gs_core::activation::logit(0.5 * clones.opacity(row));
     }
-    for (name, edited, least) in [("as they were", clones, 0.9999), ("halved", halved, 0.7)] {
+    for (name, edited, smallest) in [("as they were", clones, 0.9999), ("halved", halved, 0.7)] {
         let swapped: Vec<usize> = (0..edited.len()).rev().collect();
         for edited in [edited.select(&swapped), edited] {
             let found = propagated(&source, &edited, Follow::Surface).scene;
@@ -350,7 +350,7 @@ fn coincident_clones_do_not_change_the_opacity_of_descendants() {
                 theirs += before.opacity(id);
             }
             let share = ours / theirs;
-            assert!((least..=1.0).contains(&share), "{name}: {share}");
+            assert!((smallest..=1.0).contains(&share), "{name}: {share}");
         }
     }
 }

@@ -41,8 +41,8 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
         ids.sort_unstable();
         ids.dedup();
         let first = found.groups.len();
-        // A copy is not attached to anything: it moves like the original, with an offset, as one
-        // piece.
+        // A copy is not attached to anything: it moves like the original, under its similarity, as
+        // one piece.
         let as_one = copies[number as usize] || whole == Some(number);
         let pieces = if as_one { vec![0; ids.len()] } else { pieces(keys, &ids) };
         for piece in 0..=pieces.iter().copied().max().unwrap_or(0) {

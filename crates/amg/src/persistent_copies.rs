@@ -1,9 +1,9 @@
 //! Copies of short-lived splats, for example of a whole dancer.
 //!
-//! A copy moves like its original, with an offset. If the original is short-lived, the copy would
-//! fade with it, and there are no copies of the later generations to replace it. Such copies are
-//! made persistent: each follows its original extended over the whole clip, with the edit's opacity
-//! and colours ([`RowKind::Copied`]).
+//! A copy moves like its original, under the similarity of its group. If the original is
+//! short-lived, the copy would fade with it, and there are no copies of the later generations to
+//! replace it. Such copies are made persistent: each follows its original extended over the whole
+//! clip, with the edit's opacity and colours ([`RowKind::Copied`]).
 //!
 //! * If the edit also copied most of the later generations, the copies are complete. They remain
 //!   exact copies, and fade in and out with their originals.

@@ -31,7 +31,7 @@ pub(crate) fn all_nearest<const D: usize>(ranked: &[[f64; D]], k: usize) -> Vec<
     let tree = KdTree::new(&kept);
     let all_kept = kept.len() == ranked.len();
     if k == 2 && all_kept && full_runs.is_empty() {
-        // Fast path: no coincident points, so that no indirection is needed.
+        // Fast path for triples of distinct points, without the indirections below.
         let pairs = tree.map_nearest(2, |found| [found[0].id, found[1].id]);
         return pairs.into_flattened();
     }

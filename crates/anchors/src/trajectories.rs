@@ -224,8 +224,8 @@ impl RigidNeighbors {
         agreement_of(points.deviation(a, b, rest), rest, self.noise, self.strain)
     }
 
-    /// Weight of a neighbour of point `i`: the neighbour's own weight times `exp(−½ (distance / 2
-    /// spacing)²)`.
+    /// Weight of a neighbour of point `i`: the neighbour's own weight times
+    /// `exp(−½ (distance / 2 spacing)²)`.
     pub fn nearness(&self, points: &Trajectories, i: usize, neighbor: Neighbor) -> f64 {
         let reach = (2.0 * self.spacing[i]).max(TINY);
         let fall = (-0.5 * neighbor.distance_squared / (reach * reach)).exp();

@@ -5,8 +5,8 @@ use gs_core::{Real, sh};
 
 /// `c ↦ M·c + o` on RGB.
 ///
-/// A splat's colour in direction `d` is `c(d) = ½ + Σ_k Y_k(d)·s_k`. With `s_k' = M·s_k` for `k ≥
-/// 1` and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it becomes `M·c(d) + o` in every direction. The same
+/// A splat's colour in direction `d` is `c(d) = ½ + Σ_k Y_k(d)·s_k`. With `s_k' = M·s_k` (k ≥ 1)
+/// and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it becomes `M·c(d) + o` in every direction. The same
 /// holds for every pixel composited over black: `Σ w_i (M·c_i + o) = M·Σ w_i c_i + o·Σ w_i`.
 /// Rasterisers clamp a splat's colour at 0 before they composite it; for colours below 0, before or
 /// after the map, the equality does not hold.

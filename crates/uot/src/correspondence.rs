@@ -198,8 +198,8 @@ impl UotOutput {
     /// row.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::BadParam`] for `k =
-    /// 0`.
+    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::BadParam`] for
+    /// `k = 0`.
     pub fn top_rows(&self, problem: &UotProblem<'_>, k: usize) -> Result<Vec<TopRow>, UotError> {
         self.check(problem)?;
         if k == 0 {

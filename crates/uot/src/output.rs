@@ -131,7 +131,8 @@ impl UotOutput {
     /// The whole plan, `[n, m]` row-major.
     ///
     /// # Errors
-    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of a different size.
+    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of a
+    /// different size.
     pub fn plan(&self, problem: &UotProblem<'_>) -> Result<Vec<f64>, UotError> {
         self.check(problem)?;
         let (n, m) = (problem.num_rows(), problem.num_cols());

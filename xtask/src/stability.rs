@@ -3,7 +3,7 @@
 //! `docs/stability.svg` and prints the numbers.
 
 use crate::workspace::workspace;
-use amg::{MotionGuide, MotionOptions, PaperParams, Preset};
+use amg::{MotionGuide, MotionOptions, MotionPreset, PaperParams};
 use anyhow::{Result, anyhow};
 use gs_core::DynamicScene;
 use gs_synth::{TruthCase, TruthScene};
@@ -52,7 +52,7 @@ pub(crate) fn run() -> Result<()> {
 
 /// End-point error, and the strongest source of each edited splat.
 fn solve(scene: &TruthScene, lambdas: [f64; 3]) -> Result<(f64, Vec<Option<u32>>)> {
-    let mut options = MotionOptions::preset(Preset::Paper);
+    let mut options = MotionOptions::preset(MotionPreset::Paper);
     options.guide = MotionGuide::Paper(PaperParams { lambdas, ..PaperParams::default() });
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let edited = Arc::new(scene.edited.splats.clone());

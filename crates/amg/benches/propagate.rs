@@ -1,6 +1,6 @@
 //! The whole stage, and one frame of its result, on synthetic scenes of known kind.
 
-use amg::{MotionOptions, Preset, propagate};
+use amg::{MotionOptions, MotionPreset, propagate};
 use criterion::{Criterion, criterion_group, criterion_main};
 use gs_core::{DynamicScene, Splats};
 use gs_synth::{TruthCase, build};
@@ -16,7 +16,7 @@ fn stage(criterion: &mut Criterion) {
     let (source, edited) = scene(6_000);
     let mut group = criterion.benchmark_group("propagate 6k");
     group.sample_size(10);
-    for preset in [Preset::Knn, Preset::Paper, Preset::Regions] {
+    for preset in [MotionPreset::Knn, MotionPreset::Paper, MotionPreset::Regions] {
         let options = MotionOptions::preset(preset);
         group.bench_function(format!("{preset:?}"), |bencher| {
             bencher.iter(|| {

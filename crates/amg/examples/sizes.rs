@@ -4,7 +4,7 @@
 //! and the number of edited splats. If EDITED is given, edited splats are omitted, or repeated with
 //! a small offset, and there is no end-point error.
 
-use amg::{MotionOptions, Preset, propagate};
+use amg::{MotionOptions, MotionPreset, propagate};
 use gs_core::{DynamicScene, Splats};
 use gs_synth::{TruthCase, TruthScene, motion_error};
 use std::io::Write;
@@ -17,9 +17,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let case: TruthCase = word(0, "clothing").parse()?;
     let size: usize = word(1, "2000").parse()?;
     let preset = match word(2, "regions").as_str() {
-        "regions" => Preset::Regions,
-        "knn" => Preset::Knn,
-        "paper" => Preset::Paper,
+        "regions" => MotionPreset::Regions,
+        "knn" => MotionPreset::Knn,
+        "paper" => MotionPreset::Paper,
         other => {
             return Err(format!("unknown method `{other}`; expected regions, knn or paper").into());
         }

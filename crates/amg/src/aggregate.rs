@@ -5,24 +5,24 @@ use crate::options::{Aggregation, PositionRule, RotationRule, ScaleRule};
 use crate::rigid::RigidFit;
 use gs_core::{Real, Splats, quat};
 
-/// Largest change of scale that an isotropic blend may cause, as a factor: a source that vanishes
-/// at the edit frame has no ratio. The ratio per axis is not limited.
+/// Logarithm of the largest factor by which an isotropic blend may change scales (4): the ratio of
+/// a source with zero scale at the edit frame is undefined. Ratios per axis are not limited.
 const LN_MAX_SCALE_RATIO: f32 = 1.386_294_4;
-/// Logarithm of the largest ratio per axis; only keeps sums of ratios finite.
+/// Logarithm of the largest ratio per axis; keeps sums of ratios finite.
 const LN_FINITE_RATIO: f64 = 700.0;
 
 /// Geometry of one splat: mean, quaternion, log-scales.
 pub(crate) type Geometry = ([f32; 3], [f32; 4], [f32; 3]);
 
-/// Motion of one source splat from the edit frame to a time, computed once for all rows that follow
+/// Motion of one source splat from the edit frame to another time, shared by all rows that follow
 /// it.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SourceMotion {
     from: [f32; 3],
     to: [f32; 3],
     /// `q_t q_1⁻¹`, unit.
-    turn: [f32; 4],
-    /// Logarithm of the ratio of scales per axis; 0 if there is none.
+    rotation: [f32; 4],
+    /// Logarithm of the ratio of scales per axis; 0 if it is undefined.
     ln_scale: [f32; 3],
     /// Presence, 0 to 1.
     seen: f32,
@@ -38,7 +38,7 @@ impl SourceMotion {
         Self {
             from: source_1.means[id],
             to: source_t.means[id],
-            turn: relative_rotation(source_1, source_t, id).map(f32::from_double),
+            rotation: relative_rotation(source_1, source_t, id).map(f32::from_double),
             ln_scale,
             seen: if fading { still_seen(source_1, source_t, id) } else { 1.0 },
         }
@@ -50,7 +50,7 @@ impl SourceMotion {
     }
 }
 
-/// The source at the edit frame and at a time, and the motion of each splat that is followed.
+/// The source at the edit frame and at another time, and the motion of each followed splat.
 #[derive(Clone, Copy)]
 pub(crate) struct SourceAt<'a> {
     pub(crate) source_1: &'a Splats,
@@ -67,16 +67,16 @@ pub(crate) fn blend_geometry(
     how: Aggregation,
 ) -> Geometry {
     let (mean, rotation, log_scale) = edited;
-    let (fit, turn) = rigid_motion((ids, weights), source.motions, how);
+    let (fit, relative) = rigid_motion((ids, weights), source.motions, how);
     let new_mean = match how.position {
-        PositionRule::Rigid => fit.apply(turn, mean.map(f64::from)).map(f32::from_double),
+        PositionRule::Rigid => fit.apply(relative, mean.map(f64::from)).map(f32::from_double),
         PositionRule::Average => average_displacement((ids, weights), mean, source.motions),
     };
     let new_rotation = match how.rotation {
         RotationRule::Relative if quat::dot(rotation, rotation) == 0.0 => {
-            turn.map(f32::from_double)
+            relative.map(f32::from_double)
         }
-        RotationRule::Relative => quat::mul(turn.map(f32::from_double), rotation),
+        RotationRule::Relative => quat::mul(relative.map(f32::from_double), rotation),
         RotationRule::Additive => {
             add_rotations((ids, weights), rotation, source.source_1, source.source_t)
         }
@@ -106,19 +106,18 @@ fn rigid_motion(
     let own_rotations = how.rotation_prior > 0.0 || how.position == PositionRule::Average;
     for (&id, &weight) in ids.iter().zip(weights) {
         let motion = &motions[id as usize];
-        // The rotation is a property of the neighbourhood, the translation one of the nearest
-        // splats: a wider kernel.
+        // A wider kernel: rotation varies less in space than translation.
         let wide = f64::from(weight).sqrt();
         if how.position == PositionRule::Rigid {
             fit.add(wide, motion.from.map(f64::from), motion.to.map(f64::from));
         }
         if own_rotations {
-            fit.add_rotation(wide, motion.turn.map(f64::from));
+            fit.add_rotation(wide, motion.rotation.map(f64::from));
         }
     }
     let prior = if how.position == PositionRule::Rigid { how.rotation_prior } else { 1.0 };
-    let turn = fit.rotation(f64::from(prior));
-    (fit, turn)
+    let relative = fit.rotation(f64::from(prior));
+    (fit, relative)
 }
 
 /// `q_t q_1⁻¹` of a source splat, unit; the identity if either quaternion is zero.
@@ -163,14 +162,14 @@ fn add_rotations(
         }
     }
     let length = quat::dot(sum, sum).sqrt();
-    // If the differences cancel the quaternion, the sum has no direction, and the edit's rotation
-    // is kept.
+    // If the differences cancel the quaternion, the sum cannot be normalised, and the edit's
+    // rotation is kept.
     let sum = if length > 1e-9 { sum.map(|c| c / length) } else { unit };
     sum.map(f32::from_double)
 }
 
-/// Weights of a row's sources at a time when some have faded, normalised, in `out`. A row follows
-/// the sources that are still visible; if all have faded, they keep their relative weights.
+/// Writes the normalised weights of a row's sources, multiplied by their presence, to `out`. If all
+/// have faded, they keep their relative weights.
 pub(crate) fn weights_seen(
     (ids, weights): (&[u32], &[f32]),
     seen: impl Fn(usize) -> f32,

@@ -2,18 +2,18 @@
 
 use crate::AmgError;
 use crate::inheritance::Inherited;
-use crate::lasting::Lasting;
 use crate::moved_group::MovedGroup;
+use crate::persistent::PersistentSplats;
 use crate::row_index::index;
 use crate::row_kind::RowKind;
 use gs_core::Splats;
 
-/// Data for surfaces whose splats change over time.
+/// Data for edits of surfaces that short-lived splats represent.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Surface {
-    /// Splats that edited splats follow, extended over the whole clip.
-    pub lasting: Lasting,
-    /// Inherited edits of the rows of kind [`RowKind::Descendant`], by row.
+pub struct SurfaceBinding {
+    /// Splats of the edit frame that edited splats follow, extended over the whole clip.
+    pub persistent: PersistentSplats,
+    /// Inherited edits of the rows of kind [`RowKind::Descendant`], in ascending order of rows.
     pub inherited: Vec<Inherited>,
 }
 
@@ -34,8 +34,8 @@ pub struct Binding {
     groups: Vec<MovedGroup>,
     /// Group of each row, `[M]`, if there are groups.
     group_of: Vec<u32>,
-    /// Present if edits belong to surfaces, not to splats.
-    surface: Option<Surface>,
+    /// Present if edits apply to surfaces instead of splats.
+    surface: Option<SurfaceBinding>,
 }
 
 impl Binding {
@@ -67,7 +67,7 @@ impl Binding {
     /// ignored.
     ///
     /// # Errors
-    /// As [`Binding::from_parts`], and if a similarity is not valid or a carrier does not exist.
+    /// As [`Binding::from_parts`], and if a similarity is invalid or a carrier is out of range.
     pub fn from_parts_with_groups(
         offsets: Vec<u32>,
         source_ids: Vec<u32>,
@@ -131,7 +131,7 @@ impl Binding {
     /// # Errors
     /// If ids are out of range, values are not finite, or the rows that inherit are not exactly
     /// those of kind [`RowKind::Descendant`], in order.
-    pub fn with_surface(self, surface: Surface) -> Result<Self, AmgError> {
+    pub fn with_surface(self, surface: SurfaceBinding) -> Result<Self, AmgError> {
         let binding = Self { surface: Some(surface), ..self };
         match binding.surface_fault() {
             Some(what) => Err(AmgError::Binding { what }),
@@ -140,21 +140,21 @@ impl Binding {
     }
 
     fn surface_fault(&self) -> Option<String> {
-        let none = Surface::default();
+        let none = SurfaceBinding::default();
         let surface = self.surface.as_ref().unwrap_or(&none);
         let descendants = (0..self.len()).filter(|&row| self.kinds[row] == RowKind::Descendant);
         if !descendants.eq(surface.inherited.iter().map(|inherited| inherited.row as usize)) {
             return Some(format!(
-                "{} rows inherit an edit, expected the {} descendants in order",
+                "{} rows inherit an edit, expected the {} rows of kind Descendant in order",
                 surface.inherited.len(),
                 self.count(RowKind::Descendant)
             ));
         }
         let (rows, groups) = (self.len(), self.groups.len());
         if let Some(at) = surface.inherited.iter().position(|i| i.fault(rows, groups)) {
-            return Some(format!("inheritance {at} is not valid: {:?}", surface.inherited[at]));
+            return Some(format!("inherited edit {at} is invalid: {:?}", surface.inherited[at]));
         }
-        surface.lasting.fault(self.num_sources)
+        surface.persistent.fault(self.num_sources)
     }
 
     fn verified(self) -> Result<Self, AmgError> {
@@ -187,7 +187,7 @@ impl Binding {
         }
         if self.group_of.len() != if self.groups.is_empty() { 0 } else { rows } {
             return Some(format!(
-                "{} rows name one of {} groups, expected {rows}, or none without groups",
+                "group_of has {} entries for {} groups, expected {rows}, or 0 without groups",
                 self.group_of.len(),
                 self.groups.len()
             ));
@@ -200,14 +200,17 @@ impl Binding {
     fn group_fault(&self, number: usize) -> Option<String> {
         let group = &self.groups[number];
         if !group.similarity.is_valid() {
-            return Some(format!("group {number} has no valid similarity: {:?}", group.similarity));
+            return Some(format!(
+                "the similarity of group {number} is invalid: {:?}",
+                group.similarity
+            ));
         }
         let improper = |&&(id, weight): &&(u32, f32)| {
             id as usize >= self.num_sources || !(weight > 0.0 && weight.is_finite())
         };
         let (id, weight) = group.carriers.iter().find(improper)?;
         Some(format!(
-            "group {number} is carried by source {id} with weight {weight}, expected below {} and above 0",
+            "group {number} follows source {id} with weight {weight}, expected an id below {} and a weight above 0",
             self.num_sources
         ))
     }
@@ -218,7 +221,7 @@ impl Binding {
         let entries_fit = match kind {
             RowKind::Static | RowKind::Field => ids.is_empty(),
             RowKind::Unchanged
-            | RowKind::Recoloured
+            | RowKind::Recolored
             | RowKind::Moved
             | RowKind::Descendant
             | RowKind::Copied => ids.len() == 1,
@@ -230,7 +233,7 @@ impl Binding {
         let has_group = self.group_number(row).is_some_and(|g| g < self.groups.len());
         if matches!(kind, RowKind::Moved | RowKind::Copied) && !has_group {
             return Some(format!(
-                "row {row} is {kind:?}, but with none of {} groups",
+                "row {row} is {kind:?}, but its group is not one of the {} groups",
                 self.groups.len()
             ));
         }
@@ -290,11 +293,11 @@ impl Binding {
         (&self.source_ids[range.clone()], &self.weights[range])
     }
 
-    /// Source id with the largest weight of a row, the smallest of equal ones; `None` for static
-    /// and field rows.
+    /// Id of the source with the largest weight in a row, the lowest id if several have it; `None`
+    /// for static and field rows.
     ///
     /// # Panics
-    /// If the row does not exist.
+    /// If `row` is out of range.
     pub fn heaviest(&self, row: usize) -> Option<u32> {
         let (ids, weights) = self.row(row);
         let order =
@@ -302,18 +305,19 @@ impl Binding {
         (0..ids.len()).max_by(order).map(|at| ids[at])
     }
 
-    /// Groups of moved rows.
+    /// Groups of moved and copied rows.
     pub fn groups(&self) -> &[MovedGroup] {
         &self.groups
     }
 
-    /// Index of each row's group, `[M]`, meaningful for moved rows; empty without groups.
+    /// Index of each row's group, `[M]`, meaningful for moved and copied rows; empty without
+    /// groups.
     pub fn group_of(&self) -> &[u32] {
         &self.group_of
     }
 
-    /// Data for surfaces, if edits belong to them.
-    pub fn surface(&self) -> Option<&Surface> {
+    /// Data for surfaces, if edits apply to them.
+    pub fn surface(&self) -> Option<&SurfaceBinding> {
         self.surface.as_ref()
     }
 

@@ -41,8 +41,8 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
         ids.sort_unstable();
         ids.dedup();
         let first = found.groups.len();
-        // A copy is attached to nothing: it moves like the original, at its own position, as one
-        // piece.
+        // A copy is not attached to anything: it moves like the original, under its similarity, as
+        // one piece.
         let as_one = copies[number as usize] || whole == Some(number);
         let pieces = if as_one { vec![0; ids.len()] } else { pieces(keys, &ids) };
         for piece in 0..=pieces.iter().copied().max().unwrap_or(0) {
@@ -53,8 +53,8 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
                 .map(|(id, _)| *id)
                 .collect();
             let moves = of_piece.iter().filter(|&&id| dynamic[id as usize]).count();
-            let carried = !as_one && 2 * moves > of_piece.len();
-            let carriers = if carried { carriers(keys, &of_piece) } else { Vec::new() };
+            let follows_carriers = !as_one && 2 * moves > of_piece.len();
+            let carriers = if follows_carriers { carriers(keys, &of_piece) } else { Vec::new() };
             found.groups.push(MovedGroup { similarity: *similarity, carriers });
         }
         for (row, id) in members {
@@ -66,11 +66,11 @@ pub(crate) fn groups(keys: &KeyFrames, dynamic: &[bool], identity: &IdentityMap)
 }
 
 /// Flags of the groups that are copies: most of their source splats are also in the edit at their
-/// original place.
+/// original positions.
 pub(crate) fn copies(identity: &IdentityMap, num_sources: usize) -> Vec<bool> {
     let mut in_place = vec![false; num_sources];
     for row in &identity.rows {
-        if let Identity::Unchanged(id) | Identity::Recoloured(id) = *row {
+        if let Identity::Unchanged(id) | Identity::Recolored(id) = *row {
             in_place[id as usize] = true;
         }
     }
@@ -152,8 +152,8 @@ fn keep_distance(keys: &KeyFrames, i: usize, j: usize, slack: f64) -> bool {
     })
 }
 
-/// Carriers of a piece, with weights: source splats that deviate from the common motion have a
-/// lower weight or none.
+/// Carriers of a piece, with weights. Source splats that deviate from the common motion have lower
+/// weights or are left out.
 fn carriers(keys: &KeyFrames, ids: &[u32]) -> Vec<(u32, f32)> {
     let step = ids.len().div_ceil(MAX_CARRIERS).max(1);
     let mut order: Vec<u32> = ids.to_vec();
@@ -194,10 +194,10 @@ fn residuals(keys: &KeyFrames, ids: &[u32], weights: &[f64]) -> Vec<f64> {
         };
         let pairs = ids.iter().zip(weights).map(pair);
         let fit = RigidFit::of(pairs);
-        let turn = fit.rotation(0.0);
+        let rotation = fit.rotation(0.0);
         for (worst, &id) in worst.iter_mut().zip(ids) {
             let id = id as usize;
-            let expected = fit.apply(turn, keys.at_edit.means[id].map(f64::from));
+            let expected = fit.apply(rotation, keys.at_edit.means[id].map(f64::from));
             let miss = norm(sub(means[id].map(f64::from), expected)) * keys.seen(k, id);
             *worst = worst.max(miss);
         }

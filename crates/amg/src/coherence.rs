@@ -1,8 +1,8 @@
-//! Separates motion from jitter.
+//! Separates coherent motion from jitter.
 //!
 //! Trajectories fitted to images are arbitrary where images do not constrain them: splats on a
-//! textureless wall slide along it independently, which is invisible until other splats follow
-//! them. Unlike jitter, motion is shared by neighbours.
+//! textureless wall slide along it independently, which is visible only if other splats follow
+//! them. Motion, unlike jitter, is shared by neighbours.
 
 use crate::keyframes::KeyFrames;
 use anchors::{KdTree, Neighbor};
@@ -17,7 +17,7 @@ const SIGNIFICANT: f64 = 3.3;
 
 /// Clears `moves` of splats whose neighbourhood does not move at any key time: its mean
 /// displacement, weighted by visibility, is within the range expected of independent displacements.
-/// Scenes with fewer than 25 splats are left as they are.
+/// Has no effect on scenes with fewer than 25 splats.
 pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
     let ids: Vec<usize> = (0..moves.len()).filter(|&i| !keys.broken[i]).collect();
     if ids.len() < NEIGHBORHOODS[1] || !moves.contains(&true) {
@@ -33,16 +33,16 @@ pub(crate) fn keep_coherent(keys: &KeyFrames, moves: &mut [bool]) {
         });
         is_shared(around)
     };
-    let goes = |near: &[Neighbor]| (0..keys.times.len()).any(|k| is_shared_at(k, near));
-    let mut tremble: Vec<usize> = (0..ids.len()).filter(|&n| moves[ids[n]]).collect();
-    // The few nearest first: they suffice for most moving splats.
+    let is_moving = |near: &[Neighbor]| (0..keys.times.len()).any(|k| is_shared_at(k, near));
+    let mut incoherent: Vec<usize> = (0..ids.len()).filter(|&n| moves[ids[n]]).collect();
+    // The smaller neighbourhood first: it suffices for most moving splats.
     for count in NEIGHBORHOODS {
-        let places: Vec<[f64; 3]> = tremble.iter().map(|&n| points[n]).collect();
-        let goes = tree.map(&places, count, |_, near| goes(near));
-        let mut goes = goes.into_iter();
-        tremble.retain(|_| goes.next() == Some(false));
+        let places: Vec<[f64; 3]> = incoherent.iter().map(|&n| points[n]).collect();
+        let is_moving = tree.map(&places, count, |_, near| is_moving(near));
+        let mut is_moving = is_moving.into_iter();
+        incoherent.retain(|_| is_moving.next() == Some(false));
     }
-    for n in tremble {
+    for n in incoherent {
         moves[ids[n]] = false;
     }
 }
@@ -75,10 +75,10 @@ mod tests {
     fn shared_motion_differs_from_independent_displacements() {
         // A low-discrepancy scatter of directions whose sum is almost zero.
         let scatter = |i: usize| {
-            let turn = i as f64 * 2.399_963;
+            let angle = i as f64 * 2.399_963;
             let z = 1.0 - (2.0 * i as f64 + 1.0) / 25.0;
             let r = (1.0 - z * z).sqrt();
-            [r * turn.cos(), r * turn.sin(), z]
+            [r * angle.cos(), r * angle.sin(), z]
         };
         let around = |drift: f64| -> Vec<(f64, [f64; 3])> {
             (0..25)
@@ -87,8 +87,11 @@ mod tests {
                 .collect()
         };
         assert!(!is_shared(around(0.0).into_iter()), "independent");
-        assert!(is_shared(around(1.0).into_iter()), "as large a common part");
-        assert!(is_shared([(1.0, [1e-9, 0.0, 0.0]); 25].into_iter()), "identical, however small");
+        assert!(is_shared(around(1.0).into_iter()), "common motion as large as the scatter");
+        assert!(
+            is_shared([(1.0, [1e-9, 0.0, 0.0]); 25].into_iter()),
+            "small but identical displacements"
+        );
         assert!(!is_shared([(0.0, [1.0; 3]); 25].into_iter()), "invisible splats");
     }
 }

@@ -1,9 +1,9 @@
-//! [`ColorChange`]: a change of colours that can be applied to other splats.
+//! [`ColorChange`]: an affine change of colours, applicable to other splats.
 
 use gs_core::symmetric_eigen as eigen;
 
-/// Variance of colours, per channel, below which a surface has too little texture to determine the
-/// matrix: 0.03².
+/// Variance of colours, per channel, below which texture is too weak to determine the matrix:
+/// 0.03².
 const RIDGE: f64 = 1e-3;
 
 /// `c ↦ A c + b` of colours (red, green, blue; 0 to 1), and a factor on the other harmonics.
@@ -11,7 +11,7 @@ const RIDGE: f64 = 1e-3;
 pub struct ColorChange {
     /// `A`, row-major, no unit.
     pub matrix: [[f32; 3]; 3],
-    /// `b`, in the unit of colours.
+    /// `b`, unit of colours (0 to 1).
     pub offset: [f32; 3],
     /// Factor on the harmonics of degree 1 and above.
     pub harmonics: f32,
@@ -46,7 +46,7 @@ impl ColorChange {
         }
     }
 
-    /// Whether all values are numbers.
+    /// Whether all values are finite.
     pub(crate) fn is_finite(&self) -> bool {
         let values = self.matrix.iter().flatten().chain(&self.offset).chain([&self.harmonics]);
         values.into_iter().all(|value| value.is_finite())
@@ -142,11 +142,11 @@ fn axes_of(vectors: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
 mod tests {
     use super::*;
 
-    const TURNED: [[f64; 3]; 3] = [[0.1, 0.8, 0.0], [0.0, 0.2, 0.6], [0.7, 0.0, 0.2]];
+    const MATRIX: [[f64; 3]; 3] = [[0.1, 0.8, 0.0], [0.0, 0.2, 0.6], [0.7, 0.0, 0.2]];
     const SHIFT: [f64; 3] = [0.05, 0.1, -0.02];
 
-    fn turned(c: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|i| SHIFT[i] + (0..3).map(|j| TURNED[i][j] * c[j]).sum::<f64>())
+    fn changed(c: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|i| SHIFT[i] + (0..3).map(|j| MATRIX[i][j] * c[j]).sum::<f64>())
     }
 
     /// Colours of a texture with this contrast.
@@ -155,32 +155,32 @@ mod tests {
         for i in 0..60 {
             let wave = |k: f64| 0.5 + contrast * (k * f64::from(i)).sin();
             let color = [wave(0.7), wave(1.3), wave(2.9)];
-            pairs.add(1.0, color, turned(color));
+            pairs.add(1.0, color, changed(color));
         }
         pairs
     }
 
     fn miss(change: &ColorChange, color: [f64; 3]) -> f64 {
-        let (found, expected) = (change.apply(color.map(gs_core::Real::as_f32)), turned(color));
+        let (found, expected) = (change.apply(color.map(gs_core::Real::as_f32)), changed(color));
         (0..3).map(|i| (f64::from(found[i]) - expected[i]).abs()).fold(0.0, f64::max)
     }
 
     #[test]
-    fn changes_are_learnt_from_texture() {
+    fn changes_are_estimated_from_texture() {
         let found = pairs(0.4).change(&ColorChange::NONE);
         assert!(miss(&found, [0.2, 0.7, 0.4]) < 0.01, "{found:?}");
-        // Without texture only the mean is determined; the rest follows the given prior, here the
+        // Without texture only the mean is determined; the rest equals the given prior, here the
         // identity.
         let flat = pairs(0.001);
         let (mean, other) = ([0.5; 3], [0.2, 0.7, 0.4]);
         let found = flat.change(&ColorChange::NONE);
         assert!(miss(&found, mean) < 1e-3 && miss(&found, other) > 0.1, "{found:?}");
-        let told = flat.change(&pairs(0.4).change(&ColorChange::NONE));
-        assert!(miss(&told, other) < 0.01, "{told:?}");
+        let with_prior = flat.change(&pairs(0.4).change(&ColorChange::NONE));
+        assert!(miss(&with_prior, other) < 0.01, "{with_prior:?}");
     }
 
     #[test]
-    fn shares_lie_between() {
+    fn a_share_of_a_change_is_an_interpolation() {
         let change = pairs(0.4).change(&ColorChange::NONE);
         assert_eq!(change.share(0.0), ColorChange::NONE, "none");
         let color = [0.3, 0.5, 0.6];

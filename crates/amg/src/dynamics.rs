@@ -9,17 +9,17 @@ use crate::pose::robust_diameter;
 /// Split of the source into moving and static splats.
 ///
 /// In order of precedence: the user's mask or box; the scene's own mask; motion. By motion, a splat
-/// is dynamic if its largest displacement over the key times exceeds a threshold. The threshold is
-/// the valley of the distribution of log-displacements between a static and a moving population
-/// (Otsu). It is accepted only if both populations contain at least 0.1 % of the splats, the
-/// typical moving splat moves at least 8 times as far as the typical static splat, and the valley
-/// is below 0.5 % of the scene's size: deformation networks also displace static splats, but by
-/// less than that. Without such a valley, every splat that moves by more than 0.2 % of the scene's
-/// size is dynamic. Splats whose motion their neighbours do not share are then made static (see
-/// [`DynamicParams::coherent`]).
+/// is dynamic if its maximum displacement over the key times exceeds a threshold. The threshold is
+/// the minimum between the two modes of the distribution of log-displacements, of the static and
+/// the moving population (Otsu). It is accepted only if both populations contain at least 0.1 % of
+/// the splats, the typical moving splat moves at least 8 times as far as the typical static splat,
+/// and the valley is below 0.5 % of the scene's size: deformation networks also displace static
+/// splats, but by less than that. Without such a valley, every splat that moves by more than 0.2 %
+/// of the scene's size is dynamic. Splats whose motion their neighbours do not share are then made
+/// static (see [`DynamicParams::coherent`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct DynamicSplit {
-    /// `[N]`.
+    /// Whether each source splat moves, `[N]`.
     pub dynamic: Vec<bool>,
     /// Displacement above which a splat counts as moving, world units; 0 if a mask was used.
     pub threshold: f64,
@@ -87,7 +87,7 @@ fn automatic_threshold(amplitudes: &[f64], broken: &[bool], size: f64) -> f64 {
     if size <= 0.0 {
         return 0.0;
     }
-    // Bins over log10(amplitude / size) in [−6, 0]; smaller amplitudes count as static.
+    // Bins over log10(amplitude / size) in [−6, 0]; smaller amplitudes fall into the first bin.
     let bin_of = |a: f64| {
         let decade = (a / size).max(1e-12).log10().clamp(-DECADES_BELOW, -1e-9);
         #[expect(

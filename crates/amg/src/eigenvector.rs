@@ -2,8 +2,8 @@
 //!
 //! The eigenvalue is the largest root of the characteristic polynomial, found by Newton's method
 //! from above, where the polynomial is convex; the eigenvector is a column of the adjugate. Where
-//! other eigenvalues are near, both lose digits, and Jacobi rotations are used instead. Lanes are
-//! independent.
+//! other eigenvalues are close, both lose precision, and Jacobi rotations are used instead. Lanes
+//! are independent.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -181,10 +181,10 @@ impl<const L: usize> Adjugate<L> {
 mod tests {
     use super::*;
 
-    /// Both methods agree wherever the fast one finds an eigenvector, in every lane, and it finds
-    /// those of typical fits.
+    /// Both methods agree wherever Newton's method finds an eigenvector, in every lane, and it does
+    /// for typical fits.
     #[test]
-    fn quick_eigenvectors_are_those_of_jacobi_rotations() {
+    fn newton_eigenvectors_equal_those_of_jacobi_rotations() {
         let mut state = 1_u64;
         let mut next = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -207,7 +207,7 @@ mod tests {
                 let best = (1..4).fold(0, |b, i| if values[i] > values[b] { i } else { b });
                 let expected = [0, 1, 2, 3].map(|i| v[i][best]);
                 let alone = simple(&a.map(|row| row.map(|value| Lanes([value]))));
-                assert_eq!(alone.1[0], good[lane], "alone and beside others");
+                assert_eq!(alone.1[0], good[lane], "one lane and several");
                 if good[lane] {
                     answered += 1;
                     let vector = found.map(|value| value.0[lane]);
@@ -219,10 +219,10 @@ mod tests {
         }
         assert!(answered > 1950, "{answered}");
         let nothing = simple(&[[Lanes::<1>::ZERO; 4]; 4]);
-        assert_eq!(nothing.1, [false], "no direction");
+        assert_eq!(nothing.1, [false], "zero matrix");
         let mut twins = [[Lanes::<1>::ZERO; 4]; 4];
         (twins[0][0], twins[1][1]) = (Lanes([1.0]), Lanes([1.0]));
-        assert_eq!(simple(&twins).1, [false], "two directions");
-        assert_eq!(simple(&[[Lanes([f64::NAN]); 4]; 4]).1, [false], "no numbers, no direction");
+        assert_eq!(simple(&twins).1, [false], "double eigenvalue");
+        assert_eq!(simple(&[[Lanes([f64::NAN]); 4]; 4]).1, [false], "NaN");
     }
 }

@@ -3,8 +3,8 @@
 use gs_core::{SceneError, SplatsError};
 use thiserror::Error;
 
-/// Error of finding or evaluating a motion. Numerical problems are not errors; they are counted in
-/// [`crate::MotionReport`].
+/// Error of estimating or evaluating a motion. Numerical problems are not errors; they are counted
+/// in [`crate::MotionReport`].
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AmgError {
@@ -42,7 +42,7 @@ pub enum AmgError {
     /// splats.
     #[error("amg: binding: {what}")]
     Binding {
-        /// Description, with the place, the expected and the found value.
+        /// Description: the array and row, the expected and the found value.
         what: String,
     },
     /// Anchors could not be built.

@@ -1,11 +1,12 @@
-//! [`FieldAt`]: the source's deformation field, evaluated at splats it was not trained on.
+//! [`FieldAt`]: the source's deformation field, evaluated at other splats than those that it was
+//! trained on.
 
 use gs_core::{SceneError, Splats};
 use std::fmt::Debug;
 
 /// A deformation field defined everywhere in space, for the baseline "w/o AMG".
 ///
-/// Tabulated scenes have no such field, neural ones do.
+/// Neural scenes have such a field, tabulated scenes do not.
 pub trait FieldAt: Debug + Send + Sync {
     /// Writes `rest`, taken as canonical splats and deformed to time `t`, into `out`. Row `i` of
     /// `out` is row `i` of `rest`; stored parameters, world frame. The SH degree of `out` is that

@@ -16,17 +16,17 @@ use crate::similarity::Similarity;
 use gs_core::Splats;
 use tolerance::match_by_tolerance;
 
-/// Relation of every edited splat to the source splats, by value and never by row.
+/// Relation of every edited splat to the source splats, by value, for any order of rows.
 ///
 /// First by bits (`−0` equals `0`), in the order: all fields, geometry. Rows with equal bits are
-/// paired in order, each source once as long as there are enough. Then, for the remaining rows, by
-/// tolerance against the nearest source splats:
+/// paired in order, each source once while there are enough sources. Then, for the remaining rows,
+/// the nearest source splats are compared within tolerances:
 ///
 /// * mean: 2e-6 of its largest coordinate (text PLY), or 1e-3 of the middle standard deviation;
-/// * shape: quaternions within 2e-3 rad for any sign and norm, and scales within 1e-3; or, since
+/// * shape: quaternions within 2e-3 rad for any sign and norm, and scales within 1e-3; or, because
 ///   editors reorder axes, sorted scales within 1e-3 and covariances within 5e-3;
 /// * opacity: 2e-3 after the sigmoid (editors clamp logits); colour: 1e-3 per SH coefficient,
-///   missing degrees being 0.
+///   missing degrees count as 0.
 ///
 /// [`IdentityParams::tolerance`] scales all of them.
 ///
@@ -39,7 +39,7 @@ use tolerance::match_by_tolerance;
 /// ([`Identity::Moved`]) if they share a signature (proportions, opacity, base colour) with source
 /// splats and one similarity maps the source positions to theirs. This covers selections that an
 /// editor moved, rotated and scaled, with or without rotating and scaling the splats themselves,
-/// and whole scenes saved with other axes. Residuals of the similarity are below 4e-6 of the
+/// and whole scenes saved with different axes. Residuals of the similarity are below 4e-6 of the
 /// largest coordinate or 2e-3 of the middle standard deviation, plus the rounding of the file
 /// format.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,11 +47,11 @@ pub struct IdentityMap {
     /// One entry per edited splat, `[M]`.
     pub rows: Vec<Identity>,
     /// Source splats without an identical edited splat, ascending.
-    pub vanished: Vec<u32>,
+    pub removed: Vec<u32>,
     /// Number of [`Identity::Unchanged`] rows.
     pub unchanged: usize,
-    /// Number of [`Identity::Recoloured`] rows.
-    pub recoloured: usize,
+    /// Number of [`Identity::Recolored`] rows.
+    pub recolored: usize,
     /// Number of [`Identity::Moved`] rows.
     pub moved: usize,
     /// Number of [`Identity::Edited`] rows.
@@ -90,8 +90,8 @@ impl IdentityMap {
     }
 
     /// `edited` with the exact values of the source in the rows that are source splats at their
-    /// original place: all values in unchanged rows, geometry in recoloured ones. SH above the
-    /// degree of the edited splats are dropped.
+    /// original position: all values in unchanged rows, geometry in recoloured ones. SH above the
+    /// degree of the edited splats is dropped.
     #[must_use]
     pub fn restore_in_place(&self, source: &Splats, edited: &Splats) -> Splats {
         let mut restored = edited.clone();
@@ -111,16 +111,17 @@ impl IdentityMap {
         restored
     }
 
-    /// As [`IdentityMap::restore_in_place`]; moved rows also get the values of the source
+    /// As [`IdentityMap::restore_in_place`]; in addition, moved rows get the values of the source
     /// transformed by their similarity, where the edited values agree with them. For formats that
-    /// round.
+    /// round values.
     #[must_use]
     pub fn restore(&self, source: &Splats, edited: &Splats) -> Splats {
         let mut restored = self.restore_in_place(source, edited);
         for (group, similarity) in (0..).zip(&self.similarities) {
             let (rows, ids): (Vec<usize>, Vec<usize>) =
                 self.members(group).map(|(row, id)| (row, id as usize)).unzip();
-            let placed = similarity.place(&source.select(&ids).with_sh_degree(edited.sh_degree));
+            let placed =
+                similarity.transform(&source.select(&ids).with_sh_degree(edited.sh_degree));
             for (i, row) in rows.into_iter().enumerate() {
                 moved::restore_row(&placed, i, &mut restored, row);
             }
@@ -128,7 +129,7 @@ impl IdentityMap {
         restored
     }
 
-    /// Rows and source ids of a group.
+    /// Rows and source ids of group `group`.
     pub fn members(&self, group: u32) -> impl Iterator<Item = (usize, u32)> + '_ {
         self.rows.iter().enumerate().filter_map(move |(row, identity)| match *identity {
             Identity::Moved { source, group: of } if of == group => Some((row, source)),
@@ -136,12 +137,12 @@ impl IdentityMap {
         })
     }
 
-    /// Rows that are source splats, moved or not.
+    /// Number of rows that are source splats, moved or not.
     pub fn matched(&self) -> usize {
-        self.unchanged + self.recoloured + self.moved
+        self.unchanged + self.recolored + self.moved
     }
 
-    /// The group that is the whole scene, saved with other axes, scale or origin: that of
+    /// The group that is the whole scene, saved with different axes, scale or origin: that of
     /// [`IdentityMap::whole_file`], if it contains at least a quarter of the scene. A smaller group
     /// is a selection.
     pub fn whole_scene(&self) -> Option<u32> {
@@ -149,11 +150,11 @@ impl IdentityMap {
         let mut sources: Vec<u32> = self.members(group).map(|(_, source)| source).collect();
         sources.sort_unstable();
         sources.dedup();
-        (4 * sources.len() >= sources.len() + self.vanished.len()).then_some(group)
+        (4 * sources.len() >= sources.len() + self.removed.len()).then_some(group)
     }
 
-    /// The group that contains more than half of the rows, if almost no row is at its place in the
-    /// source.
+    /// The group that contains more than half of the rows, if almost no row is at its position in
+    /// the source.
     pub fn whole_file(&self) -> Option<u32> {
         let mut sizes = vec![0_usize; self.similarities.len()];
         for row in &self.rows {
@@ -163,7 +164,7 @@ impl IdentityMap {
         }
         let (group, size) =
             (0..).zip(sizes).max_by_key(|&(group, n)| (n, std::cmp::Reverse(group)))?;
-        let in_place = self.unchanged + self.recoloured;
+        let in_place = self.unchanged + self.recolored;
         (2 * size > self.rows.len() && 20 * in_place < size).then_some(group)
     }
 
@@ -171,9 +172,9 @@ impl IdentityMap {
         let mut present = vec![false; num_sources];
         let mut map = Self {
             rows,
-            vanished: Vec::new(),
+            removed: Vec::new(),
             unchanged: 0,
-            recoloured: 0,
+            recolored: 0,
             moved: 0,
             edited: 0,
             similarities,
@@ -181,7 +182,7 @@ impl IdentityMap {
         for row in &map.rows {
             match *row {
                 Identity::Unchanged(_) => map.unchanged += 1,
-                Identity::Recoloured(_) => map.recoloured += 1,
+                Identity::Recolored(_) => map.recolored += 1,
                 Identity::Moved { .. } => map.moved += 1,
                 Identity::Edited => map.edited += 1,
             }
@@ -189,7 +190,7 @@ impl IdentityMap {
                 present[id as usize] = true;
             }
         }
-        map.vanished = (0..num_sources).filter(|&id| !present[id]).map(index).collect();
+        map.removed = (0..num_sources).filter(|&id| !present[id]).map(index).collect();
         map
     }
 }

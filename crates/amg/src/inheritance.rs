@@ -1,29 +1,28 @@
-//! The effect of an edit on splats that represent the edited surface at other times: see
-//! [`Inherited`].
+//! [`Inherited`]: effect of an edit on splats that represent the edited surface at other times.
 
 use crate::color_change::{ColorChange, ColorPairs};
 use crate::generations::{Ancestry, Generations};
+use crate::guide_input::Row;
 use crate::identity::{Identity, IdentityMap};
 use crate::row_index::index;
 use crate::row_kind::RowKind;
-use crate::work::Row;
 use anchors::KdTree;
 use gs_core::{Real, Splats, activation, sh};
 
-/// Number of nearest splats, including the splat itself, from which a change is estimated: the
-/// change of colour from the recoloured ones, a deletion of the surface from all. The surface
-/// counts as deleted if a third of them are deleted. If an editor deletes a tenth of all splats at
-/// random, this is wrong for 0.6 in 1000 of the deleted ones.
+/// Number of nearest splats, including the splat itself, from which a change is estimated: changes
+/// of colour from the recoloured ones, deletion of the surface from all. The surface counts as
+/// deleted if at least a third of them are deleted. If an editor deletes a tenth of all splats at
+/// random, 0.6 in 1000 of the deleted ones are misclassified.
 const NEIGHBORS: usize = 32;
-/// Between these shares of recoloured ancestors, a descendant gets a part of the change, because it
-/// covers both sides of the border of the edit.
+/// Between these shares of recoloured ancestors, a descendant inherits a part of the change,
+/// because it covers both sides of the border of the edit.
 const SOFT: [f32; 2] = [0.3, 0.7];
-/// Changes of opacity below this are rounding of the editor.
+/// Smaller changes of opacity are rounding of the editor.
 const SAME_OPACITY: f32 = 2e-3;
 
 /// Opacities outside this range lose precision as logits.
-const MOST_OPACITY: f32 = 0.9999;
-const LEAST_OPACITY: f32 = 1e-8;
+const MAX_OPACITY: f32 = 0.9999;
+const MIN_OPACITY: f32 = 1e-8;
 /// Logit of an invisible splat: an opacity of 2e-9.
 const FADED_LOGIT: f32 = -20.0;
 
@@ -36,9 +35,9 @@ pub struct Inherited {
     pub confidence: f32,
     /// Factor on the opacity; 0 where the surface was deleted.
     pub opacity: f32,
-    /// Change of colour.
+    /// Change of colour of the surface.
     pub color: ColorChange,
-    /// Moved group to which the surface belongs.
+    /// Index of the moved group to which the surface belongs.
     pub group: Option<u32>,
 }
 
@@ -48,8 +47,8 @@ impl Inherited {
         if self.opacity == 1.0 {
             return logit;
         }
-        let opacity = (activation::sigmoid(logit) * self.opacity).min(MOST_OPACITY);
-        if opacity > LEAST_OPACITY { activation::logit(opacity) } else { FADED_LOGIT }
+        let opacity = (activation::sigmoid(logit) * self.opacity).min(MAX_OPACITY);
+        if opacity > MIN_OPACITY { activation::logit(opacity) } else { FADED_LOGIT }
     }
 
     pub(crate) fn fault(&self, rows: usize, groups: usize) -> bool {
@@ -62,10 +61,10 @@ impl Inherited {
 
 /// The effect of the edit on a splat that is visible in the edit frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Fate {
-    Gone,
+enum EditEffect {
+    Deleted,
     Kept,
-    Recoloured(usize),
+    Recolored(usize),
     Moved(u32),
 }
 
@@ -78,10 +77,10 @@ pub(crate) fn inherit(
     group_of: &[u32],
     rows: &mut [Row],
 ) -> Vec<Inherited> {
-    let mut fates = fates(identity, edited, group_of, at_edit.len());
-    keep_pruned(&mut fates, generations, at_edit);
-    let stacks = stacks(identity, edited, at_edit.len());
-    let palette = Palette::of(generations, at_edit, edited, &fates, &stacks);
+    let mut effects = effects(identity, edited, group_of, at_edit.len());
+    keep_pruned(&mut effects, generations, at_edit);
+    let coincident = coincident(identity, edited, at_edit.len());
+    let palette = Palette::of(generations, at_edit, edited, &effects, &coincident);
     let mut inherited = Vec::new();
     for (row, kind) in identity.rows.iter().enumerate() {
         let Identity::Unchanged(id) = *kind else { continue };
@@ -90,7 +89,7 @@ pub(crate) fn inherit(
             continue;
         }
         let color = dc_color(at_edit, id as usize);
-        if let Some(found) = palette.inherited(row, ancestry, color, &fates) {
+        if let Some(found) = palette.inherited(row, ancestry, color, &effects) {
             rows[row].0 = RowKind::Descendant;
             inherited.push(found);
         }
@@ -98,46 +97,47 @@ pub(crate) fn inherit(
     inherited
 }
 
-/// The fate of each source splat; undefined for splats that are invisible in the edit frame. If
-/// several rows are at the place of a splat, the most opaque recoloured one counts.
-fn fates(
+/// Effect of the edit on each source splat; undefined for splats that are invisible in the edit
+/// frame. If several rows are at the position of a splat, the most opaque recoloured one counts.
+fn effects(
     identity: &IdentityMap,
     edited: &Splats,
     group_of: &[u32],
     num_sources: usize,
-) -> Vec<Fate> {
-    let mut fates = vec![Fate::Gone; num_sources];
+) -> Vec<EditEffect> {
+    let mut effects = vec![EditEffect::Deleted; num_sources];
     for (row, kind) in identity.rows.iter().enumerate() {
         match *kind {
             Identity::Unchanged(id) => {
-                if !matches!(fates[id as usize], Fate::Recoloured(_)) {
-                    fates[id as usize] = Fate::Kept;
+                if !matches!(effects[id as usize], EditEffect::Recolored(_)) {
+                    effects[id as usize] = EditEffect::Kept;
                 }
             }
-            Identity::Recoloured(id) => match fates[id as usize] {
-                Fate::Recoloured(other) if edited.opacity(other) >= edited.opacity(row) => {}
-                _ => fates[id as usize] = Fate::Recoloured(row),
+            Identity::Recolored(id) => match effects[id as usize] {
+                EditEffect::Recolored(other) if edited.opacity(other) >= edited.opacity(row) => {}
+                _ => effects[id as usize] = EditEffect::Recolored(row),
             },
-            // A splat that is also at its original place was copied.
-            Identity::Moved { source, .. } if fates[source as usize] == Fate::Gone => {
-                fates[source as usize] = Fate::Moved(group_of.get(row).copied().unwrap_or(0));
+            // A splat that is also at its original position was copied.
+            Identity::Moved { source, .. } if effects[source as usize] == EditEffect::Deleted => {
+                effects[source as usize] =
+                    EditEffect::Moved(group_of.get(row).copied().unwrap_or(0));
             }
             Identity::Moved { .. } | Identity::Edited => {}
         }
     }
-    fates
+    effects
 }
 
-/// The rows at the place of a source splat.
+/// Opacities of the edited rows at the position of a source splat.
 #[derive(Debug, Clone, Copy, Default)]
-struct Stack {
+struct CoincidentRows {
     /// Combined opacity of all rows.
     together: f32,
     /// Opacity of the most opaque row.
     most: f32,
 }
 
-impl Stack {
+impl CoincidentRows {
     /// The opacity of the surface. Clones do not make it more opaque than the splat was, or than
     /// the most opaque clone; densification places them exactly on their originals.
     fn of_surface(self, before: f32) -> f32 {
@@ -145,33 +145,34 @@ impl Stack {
     }
 }
 
-fn stacks(identity: &IdentityMap, edited: &Splats, num_sources: usize) -> Vec<Stack> {
-    let mut stacks = vec![Stack::default(); num_sources];
+fn coincident(identity: &IdentityMap, edited: &Splats, num_sources: usize) -> Vec<CoincidentRows> {
+    let mut coincident = vec![CoincidentRows::default(); num_sources];
     for (row, kind) in identity.rows.iter().enumerate() {
         if let Some(id) = kind.in_place() {
-            let (stack, opacity) = (&mut stacks[id as usize], edited.opacity(row));
-            stack.together += (1.0 - stack.together) * opacity;
-            stack.most = stack.most.max(opacity);
+            let (rows_here, opacity) = (&mut coincident[id as usize], edited.opacity(row));
+            rows_here.together += (1.0 - rows_here.together) * opacity;
+            rows_here.most = rows_here.most.max(opacity);
         }
     }
-    stacks
+    coincident
 }
 
-/// A surface is deleted where many of the splats around a deleted one are deleted, too. Elsewhere
-/// the editor only thinned the splats out, and descendants of the deleted ones stay.
-fn keep_pruned(fates: &mut [Fate], generations: &Generations, at_edit: &Splats) {
-    let shown: Vec<usize> = (0..fates.len()).filter(|&id| generations.is_shown(id)).collect();
-    let is_gone: Vec<bool> = shown.iter().map(|&id| fates[id] == Fate::Gone).collect();
+/// A surface is deleted where many of the neighbours of a deleted splat are deleted. Elsewhere the
+/// editor only thinned the splats out, and descendants of the deleted ones are kept.
+fn keep_pruned(effects: &mut [EditEffect], generations: &Generations, at_edit: &Splats) {
+    let shown: Vec<usize> = (0..effects.len()).filter(|&id| generations.is_shown(id)).collect();
+    let is_deleted: Vec<bool> =
+        shown.iter().map(|&id| effects[id] == EditEffect::Deleted).collect();
     let places: Vec<[f64; 3]> = shown.iter().map(|&id| at_edit.means[id].map(f64::from)).collect();
-    let gone: Vec<usize> = (0..shown.len()).filter(|&at| is_gone[at]).collect();
-    let around: Vec<[f64; 3]> = gone.iter().map(|&at| places[at]).collect();
+    let deleted: Vec<usize> = (0..shown.len()).filter(|&at| is_deleted[at]).collect();
+    let around: Vec<[f64; 3]> = deleted.iter().map(|&at| places[at]).collect();
     let is_hole = KdTree::<3>::new(&places).map(&around, NEIGHBORS, |_, near| {
-        let gone = near.iter().filter(|n| is_gone[n.id as usize]).count();
-        3 * gone >= near.len()
+        let count = near.iter().filter(|n| is_deleted[n.id as usize]).count();
+        3 * count >= near.len()
     });
-    for (at, is_hole) in gone.into_iter().zip(is_hole) {
+    for (at, is_hole) in deleted.into_iter().zip(is_hole) {
         if !is_hole {
-            fates[shown[at]] = Fate::Kept;
+            effects[shown[at]] = EditEffect::Kept;
         }
     }
 }
@@ -195,22 +196,22 @@ impl Palette {
         generations: &Generations,
         at_edit: &Splats,
         edited: &Splats,
-        fates: &[Fate],
-        stacks: &[Stack],
+        effects: &[EditEffect],
+        coincident: &[CoincidentRows],
     ) -> Self {
-        let recoloured: Vec<(usize, usize)> = fates
+        let recolored: Vec<(usize, usize)> = effects
             .iter()
             .enumerate()
             .filter(|(id, _)| generations.is_shown(*id))
-            .filter_map(|(id, fate)| match *fate {
-                Fate::Recoloured(row) => Some((id, row)),
+            .filter_map(|(id, effect)| match *effect {
+                EditEffect::Recolored(row) => Some((id, row)),
                 _ => None,
             })
             .collect();
         let places: Vec<[f64; 3]> =
-            recoloured.iter().map(|&(id, _)| at_edit.means[id].map(f64::from)).collect();
+            recolored.iter().map(|&(id, _)| at_edit.means[id].map(f64::from)).collect();
         let pair = |pairs: &mut ColorPairs, weight: f64, at: usize| {
-            let (id, row) = recoloured[at];
+            let (id, row) = recolored[at];
             let weight = weight * f64::from(at_edit.opacity(id));
             let wide = |color: [f32; 3]| color.map(f64::from);
             let (from, to) = (dc_color(at_edit, id), dc_color(edited, row));
@@ -219,7 +220,7 @@ impl Palette {
             pairs.add_harmonics(weight, from, to);
         };
         let mut all = ColorPairs::default();
-        (0..recoloured.len()).for_each(|at| pair(&mut all, 1.0, at));
+        (0..recolored.len()).for_each(|at| pair(&mut all, 1.0, at));
         let whole = all.change(&ColorChange::NONE);
         let tree = KdTree::<3>::new(&places);
         let changes = tree.map(&places, NEIGHBORS, |_, near| {
@@ -231,15 +232,15 @@ impl Palette {
             }
             pairs.change(&whole)
         });
-        let opacities = recoloured
+        let opacities = recolored
             .iter()
             .map(|&(id, _)| {
                 let before = at_edit.opacity(id);
-                let after = stacks[id].of_surface(before);
+                let after = coincident[id].of_surface(before);
                 if (before - after).abs() < SAME_OPACITY { 1.0 } else { after / before }
             })
             .collect();
-        Self { ids: recoloured.into_iter().map(|(id, _)| id).collect(), changes, opacities }
+        Self { ids: recolored.into_iter().map(|(id, _)| id).collect(), changes, opacities }
     }
 
     /// The edit that a row inherits; `None` if its ancestors are unchanged.
@@ -248,26 +249,26 @@ impl Palette {
         row: usize,
         ancestry: &Ancestry,
         color: [f32; 3],
-        fates: &[Fate],
+        effects: &[EditEffect],
     ) -> Option<Inherited> {
         // Shares are cut off where they are small, so they sum to a little less than 1.
-        let (mut gone, mut left, mut recoloured, mut factor) = (0.0, 0.0, 0.0, 0.0);
+        let (mut deleted, mut left, mut recolored, mut factor) = (0.0, 0.0, 0.0, 0.0);
         let mut moved: Vec<(u32, f32)> = Vec::new();
         let mut sum = ColorSum::default();
         for &(id, share) in &ancestry.of {
-            if fates[id as usize] != Fate::Gone {
+            if effects[id as usize] != EditEffect::Deleted {
                 left += share;
             }
-            match fates[id as usize] {
-                Fate::Gone => gone += share,
-                Fate::Kept => factor += share,
-                Fate::Recoloured(_) => {
+            match effects[id as usize] {
+                EditEffect::Deleted => deleted += share,
+                EditEffect::Kept => factor += share,
+                EditEffect::Recolored(_) => {
                     let Ok(at) = self.ids.binary_search(&(id as usize)) else { continue };
-                    recoloured += share;
+                    recolored += share;
                     factor += share * self.opacities[at];
                     sum.add(share, &self.changes[at]);
                 }
-                Fate::Moved(group) => {
+                EditEffect::Moved(group) => {
                     factor += share;
                     match moved.iter_mut().find(|(of, _)| *of == group) {
                         Some(entry) => entry.1 += share,
@@ -276,14 +277,14 @@ impl Palette {
                 }
             }
         }
-        let opacity = if gone > left {
+        let opacity = if deleted > left {
             0.0
         } else {
             let kept = factor / left;
             if (kept - 1.0).abs() < SAME_OPACITY { 1.0 } else { kept }
         };
         let softened = {
-            let x = ((recoloured - SOFT[0]) / (SOFT[1] - SOFT[0])).clamp(0.0, 1.0);
+            let x = ((recolored - SOFT[0]) / (SOFT[1] - SOFT[0])).clamp(0.0, 1.0);
             x * x * (3.0 - 2.0 * x)
         };
         let change =
@@ -325,7 +326,7 @@ impl ColorSum {
         self.harmonics += weight * change.harmonics;
     }
 
-    /// The mean, with the offset limited so that displayable colours stay displayable.
+    /// The mean, with the offset limited so that colours in the displayable range stay in it.
     fn mean(&self, color: [f32; 3]) -> ColorChange {
         let over = 1.0 / self.weight;
         let mut mean = ColorChange {
@@ -354,19 +355,20 @@ pub struct InheritanceReport {
     /// Of the others, with ancestors in the edit frame.
     pub with_ancestors: usize,
     /// Rows that inherit a change of colour or opacity.
-    pub recoloured: usize,
+    pub recolored: usize,
     /// Rows that inherit a deletion.
     pub removed: usize,
     /// Rows that inherit a translation, rotation or scaling.
     pub moved: usize,
-    /// Copies that last, unlike their originals.
+    /// Copies that are extended over the whole clip, unlike their originals.
     pub copied: usize,
-    /// Mean confidence of rows that inherit anything, 0 to 1.
+    /// Mean confidence of rows that inherit an edit, 0 to 1.
     pub confidence: f64,
-    /// Rows that inherit with a confidence below one half.
+    /// Rows that inherit with a confidence below 0.5.
     pub unsure: usize,
-    /// Splats of the edit frame that edited ones follow over the whole clip.
-    pub lasting: usize,
+    /// Splats of the edit frame that edited splats follow over the whole clip,
+    /// [`crate::PersistentSplats`].
+    pub persistent: usize,
 }
 
 impl InheritanceReport {
@@ -374,11 +376,13 @@ impl InheritanceReport {
         generations: &Generations,
         inherited: &[Inherited],
         copied: usize,
-        lasting: usize,
+        persistent: usize,
     ) -> Self {
-        let lives = &generations.lives;
-        let visible = (0..lives.len()).filter(|&i| lives.is_visible(lives.prime[i], i)).count();
-        let shown = (0..lives.len()).filter(|&i| generations.is_shown(i)).count();
+        let lifetimes = &generations.lifetimes;
+        let visible = (0..lifetimes.len())
+            .filter(|&i| lifetimes.is_visible(lifetimes.peak_time[i], i))
+            .count();
+        let shown = (0..lifetimes.len()).filter(|&i| generations.is_shown(i)).count();
         let count = |of: &dyn Fn(&Inherited) -> bool| inherited.iter().filter(|i| of(i)).count();
         let total: f64 = inherited.iter().map(|i| f64::from(i.confidence)).sum();
         let removed = |i: &Inherited| i.opacity <= 0.0;
@@ -386,18 +390,18 @@ impl InheritanceReport {
             visible,
             shown,
             with_ancestors: generations.ancestries.iter().filter(|d| !d.of.is_empty()).count(),
-            recoloured: count(&|i| !removed(i) && i.group.is_none()),
+            recolored: count(&|i| !removed(i) && i.group.is_none()),
             removed: count(&removed),
             moved: count(&|i| !removed(i) && i.group.is_some()),
             copied,
             confidence: if inherited.is_empty() { 0.0 } else { total / inherited.len() as f64 },
             unsure: count(&|i| i.confidence < 0.5),
-            lasting,
+            persistent,
         }
     }
 }
 
-/// The DC coefficients after the change.
+/// DC coefficients (SH degree 0) after the change.
 pub(crate) fn changed_dc(change: &ColorChange, dc: [f32; 3]) -> [f32; 3] {
     change.apply(dc.map(|c| 0.5 + sh::C0 * c)).map(|c| ((c - 0.5) / sh::C0).as_f32())
 }

@@ -3,11 +3,11 @@
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
 use rayon::prelude::*;
 
-/// Share of its weight that a faded source keeps, so that sources that have all faded keep their
-/// relative weights.
+/// Share of its weight that a fully faded source keeps, so that relative weights remain if all
+/// sources have faded.
 pub(crate) const FADED: f64 = 1e-4;
 
-/// The source as used for matching; rows are source rows.
+/// State of the source at the edit frame and the key times; rows are source rows.
 #[derive(Debug)]
 pub(crate) struct KeyFrames {
     /// All stored parameters at the edit frame.
@@ -18,7 +18,7 @@ pub(crate) struct KeyFrames {
     pub(crate) means: Vec<Vec<[f32; 3]>>,
     /// Unit relative rotations since the edit frame, at each key time, `[T][N]`; identity for zero
     /// quaternions.
-    pub(crate) turns: Vec<Vec<[f32; 4]>>,
+    pub(crate) rotations: Vec<Vec<[f32; 4]>>,
     /// Opacity at each key time divided by that at the edit frame, at most 1, `[T][N]`; empty if
     /// the opacities of the scene are constant.
     seen: Vec<Vec<f32>>,
@@ -39,7 +39,7 @@ impl KeyFrames {
         at_edit.check_shapes()?;
         let times = key_times(source.time_range(), source.num_frames(), edit_time, count);
         let mut broken: Vec<bool> = (0..at_edit.len()).map(|i| is_broken(&at_edit, i)).collect();
-        let (mut means, mut turns, mut seen) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut means, mut rotations, mut seen) = (Vec::new(), Vec::new(), Vec::new());
         let fades = source.fades();
         let mut splats = Splats::default();
         for (done, &t) in times.iter().enumerate() {
@@ -56,17 +56,17 @@ impl KeyFrames {
                 *broken |= is_broken(&splats, i);
             }
             let rows = || (0..splats.len()).into_par_iter().with_min_len(1024);
-            turns.push(rows().map(|i| turn_between(&at_edit, &splats, i)).collect());
+            rotations.push(rows().map(|i| rotation_between(&at_edit, &splats, i)).collect());
             means.push(splats.means.clone());
             if fades {
                 seen.push(rows().map(|i| still_seen(&at_edit, &splats, i)).collect());
             }
             progress((done + 1) as f32 / times.len() as f32);
         }
-        Ok(Self { at_edit, times, means, turns, seen, broken })
+        Ok(Self { at_edit, times, means, rotations, seen, broken })
     }
 
-    /// Whether any opacity changes.
+    /// Whether any opacity changes over time.
     pub(crate) fn fades(&self) -> bool {
         !self.seen.is_empty()
     }
@@ -76,14 +76,14 @@ impl KeyFrames {
         self.seen.get(k).map_or(1.0, |seen| f64::from(seen[i]))
     }
 
-    /// Displacement of source `i` at key time `k`.
+    /// Displacement of source `i` from the edit frame to key time `k`, world units.
     pub(crate) fn displacement(&self, k: usize, i: usize) -> [f64; 3] {
         let (x, y) = (self.at_edit.means[i], self.means[k][i]);
         [0, 1, 2].map(|axis| f64::from(y[axis]) - f64::from(x[axis]))
     }
 }
 
-/// Verifies that rows persist; a scene that violates this is rejected before ids are out of range.
+/// Verifies that the number of rows is constant, so that ids are never out of range.
 pub(crate) fn check_rows(at_t: &Splats, num_splats: usize) -> Result<(), SceneError> {
     let lengths = [
         ("means", at_t.means.len()),
@@ -111,7 +111,7 @@ fn is_broken(splats: &Splats, i: usize) -> bool {
     !(finite(&splats.means[i]) && finite(&splats.quats[i]))
 }
 
-fn turn_between(at_edit: &Splats, at_t: &Splats, i: usize) -> [f32; 4] {
+fn rotation_between(at_edit: &Splats, at_t: &Splats, i: usize) -> [f32; 4] {
     let q1 = quat::normalize(at_edit.quats[i]);
     let r = quat::mul(quat::normalize(at_t.quats[i]), quat::conjugate(q1));
     if quat::dot(r, r) > 0.5 { quat::align(r, quat::IDENTITY) } else { quat::IDENTITY }
@@ -123,7 +123,7 @@ fn key_times(range: TimeRange, frames: Option<usize>, edit_time: f32, count: usi
         if all.len() <= count {
             all
         } else {
-            // Ends included; integers, so that the scene is evaluated at its own frames.
+            // Includes both ends; integers, so that the scene is evaluated at its own frames.
             let step = |i: usize| i * (all.len() - 1) / count.saturating_sub(1).max(1);
             (0..count).map(|i| all[step(i)]).collect()
         }
@@ -146,13 +146,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_of_a_short_sequence_are_all_used() {
+    fn all_frames_of_a_short_sequence_are_key_times() {
         let times = key_times(TimeRange::UNIT, Some(5), 0.25, 12);
         assert_eq!(times, [0.0, 0.5, 0.75, 1.0], "all but the edit frame");
     }
 
     #[test]
-    fn long_sequences_are_sampled_ends_included() {
+    fn long_sequences_are_sampled_including_both_ends() {
         let times = key_times(TimeRange::UNIT, Some(301), 0.0, 12);
         assert_eq!((times.len(), times[11]), (12, 1.0), "{times:?}");
         let all = TimeRange::UNIT.frames(301);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn continuous_fields_replace_the_time_nearest_the_edit() {
+    fn the_edit_time_is_excluded_from_the_key_times_of_continuous_fields() {
         let times = key_times(TimeRange::UNIT, None, 0.0, 4);
         assert_eq!(times, [0.25, 0.5, 0.75, 1.0], "the start is the edit frame");
         assert!(key_times(TimeRange { start: 0.5, end: 0.5 }, None, 0.5, 4).is_empty(), "still");

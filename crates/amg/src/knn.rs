@@ -1,4 +1,4 @@
-//! Baseline "KNN-Guide": the nearest source splats, regardless of their part.
+//! Baseline "KNN-Guide": average over the nearest source splats, from any body part.
 
 use crate::options::KnnParams;
 use crate::row_index::index;

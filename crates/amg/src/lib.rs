@@ -21,16 +21,15 @@
 //! | posterior | probability of an edited splat's regions, and of none, given all others |
 //! | marginal penalty | cost of a region that has more edited splats than its share, or fewer |
 //! | parent | the source splat from which an edited splat was made, identified by equal bits |
-//! | new piece | connected edited splats that are not at the place of a source splat ("graft") |
+//! | new piece | connected edited splats that do not coincide with source splats ("graft") |
 //! | support | the source splats whose motion an edited splat follows |
-//! | moved group | source splats that the edit moved, rotated or scaled as one |
+//! | moved group | source splats that the edit moved, rotated or scaled together |
 //! | generation | source splats that represent a surface at a time when others have faded |
-//! | rest place | the position that a splat would have at the edit time |
-//! | descendant | a splat that is invisible in the edit frame, of a surface visible in it |
+//! | rest position | the position that a splat would have at the edit time |
+//! | descendant | a splat that is invisible in the edit frame, on a surface that is visible in it |
 //! | binding | per edited splat, the source splats it follows and their weights |
 
 mod aggregate;
-mod beside_copies;
 mod binding;
 mod bit_map;
 mod carriers;
@@ -41,16 +40,18 @@ mod eigenvector;
 mod error;
 mod field;
 mod generations;
+mod guide_input;
 mod identity;
 mod inheritance;
 mod keyframes;
 mod knn;
-mod lasting;
-mod lasting_copies;
 mod motion_params;
 mod moved_group;
+mod near_copies;
 mod options;
 mod paper;
+mod persistent;
+mod persistent_copies;
 mod pose;
 mod propagate;
 mod regions;
@@ -63,30 +64,29 @@ mod scene;
 mod simd;
 mod similarity;
 mod similarity_messages;
-mod work;
 
 pub use anchors::{AnchorParams, Grouping, Radius};
-pub use binding::{Binding, Surface};
+pub use binding::{Binding, SurfaceBinding};
 pub use color_change::ColorChange;
 pub use dynamics::DynamicSplit;
 pub use error::AmgError;
 pub use field::FieldAt;
+pub use guide_input::ProgressFn;
 pub use identity::{Identity, IdentityMap};
 pub use inheritance::{InheritanceReport, Inherited};
-pub use lasting::{Carrier, Lasting};
 pub use motion_params::MotionParams;
 pub use moved_group::MovedGroup;
 pub use options::{
     Aggregation, AnchorSampling, DynamicParams, Follow, IdentityParams, KnnParams, MotionGuide,
-    MotionOptions, PaperParams, PositionRule, Preset, RotationRule, ScaleRule,
+    MotionOptions, MotionPreset, PaperParams, PositionRule, RotationRule, ScaleRule,
 };
+pub use persistent::{Carrier, PersistentSplats};
 pub use propagate::{Propagation, propagate};
 pub use report::{MotionReport, TransportReport};
 pub use rigid_parts::RigidParts;
 pub use row_kind::RowKind;
 pub use scene::EditedScene;
 pub use similarity::Similarity;
-pub use work::Progress;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

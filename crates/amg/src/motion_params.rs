@@ -14,8 +14,8 @@ pub struct MotionParams {
     /// Edge of the cubes in which splats that move together form a region; share of the figure.
     /// Default 0.015.
     pub region_size: f64,
-    /// Change of distance between two splats of a soft body, relative to the distance, that still
-    /// counts as moving together. Default 0.04.
+    /// Largest relative change of the distance between two splats that still counts as moving
+    /// together, for soft bodies. Default 0.04.
     pub strain: f64,
     /// Largest distance between the images of a splat under two motions that count as one; share
     /// of the figure. At least four times the noise of the trajectories. Default 0.015.
@@ -26,7 +26,7 @@ pub struct MotionParams {
     /// λ₁, weight of the source marginal of patches of regions, nats: near 0, any number of splats
     /// may belong to a patch. Default 2.
     pub source_marginal: f64,
-    /// Cost of belonging to no region, nats. Default 4.
+    /// Cost of leaving a splat unmatched, nats. Default 4.
     pub unmatched: f64,
     /// Weight, in splats, of the prior that the edit displaced no surface. Default 0.03.
     pub prior: f64,
@@ -35,8 +35,8 @@ pub struct MotionParams {
     /// Distance from every source beyond which geometry is new; share of the figure. A connected
     /// piece of which a third is beyond it moves with the part it is attached to. Default 0.06.
     pub new_geometry: f64,
-    /// Largest number of source splats whose rigid motion an edited splat follows, 1 to 64. Default
-    /// 32.
+    /// Largest number of source splats that determine the rigid motion of an edited splat, 1 to 64.
+    /// Default 32.
     pub sources_per_row: usize,
 }
 
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn errors_name_the_parameter_that_is_out_of_range() {
         assert!(MotionParams::default().check().is_ok(), "the default");
         let wrong = [
             (MotionParams { region_size: 0.0, ..Default::default() }, "regions.region_size"),

@@ -1,17 +1,17 @@
-//! [`MovedGroup`]: source splats that the edit moved together, and the splats whose motion they
-//! follow.
+//! [`MovedGroup`]: source splats that the edit moved together, and the splats (carriers) whose
+//! motion they follow.
 //!
-//! The edit placed the group by a similarity `T` at the edit time. The centre of that similarity
-//! moves with the scene: a pan that was scaled about its centre is still in a hand. With `M(t)`,
-//! the rigid motion of the group's own source splats since the edit time, a splat that was at
-//! `x(t)` is at
+//! At the edit time, the edit transformed the group by a similarity `T`, whose centre moves with
+//! the scene: a pan that was scaled about its centre remains in the hand. Let `M(t)` be the rigid
+//! motion of the group's source splats since the edit time. A source splat at `x(t)` is then moved
+//! to
 //!
 //! ```text
 //! x'(t) = S(t) x(t),   S(t) = M(t) T M(t)⁻¹
 //! ```
 //!
-//! At every time the group is similar to its source splats and in their place; at the edit time `S
-//! = T`. Groups that do not move, and whole scenes, have `S(t) = T`.
+//! The group is at every time a similar copy of its source splats; at the edit time `S = T`. Static
+//! groups and whole scenes have `S(t) = T`.
 
 use crate::aggregate::{relative_rotation, weights_seen};
 use crate::keyframes::still_seen;
@@ -19,17 +19,17 @@ use crate::rigid::{RigidFit, sub};
 use crate::similarity::Similarity;
 use gs_core::{Real, Splats, quat};
 
-/// Weight of the carriers' own rotations: small, so that it matters only where positions do not
+/// Weight of the carriers' own rotations: small, so that they matter only if positions do not
 /// determine the rotation, as with fewer than three carriers.
-const OPEN_CASES: f64 = 1e-3;
+const ROTATION_WEIGHT: f64 = 1e-3;
 
-/// Source splats that were moved by one similarity and move as one.
+/// Source splats that the edit moved by one similarity, and that follow one rigid motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedGroup {
-    /// Similarity of the edit at the edit time, from the source's frame to the edit's.
+    /// `T`, from source to edited positions at the edit time, world frame and units.
     pub similarity: Similarity,
-    /// Source splats whose rigid motion the group follows, with weights above 0; empty for a static
-    /// group.
+    /// Ids of the source splats whose rigid motion the group follows, and weights above 0; empty
+    /// for a static group.
     pub carriers: Vec<(u32, f32)>,
 }
 
@@ -41,12 +41,12 @@ pub(crate) struct GroupPose {
     /// `S(t)`.
     pub(crate) now: Similarity,
     /// Rotation of `M(t)`.
-    pub(crate) turn: [f64; 4],
+    pub(crate) rotation: [f64; 4],
 }
 
 impl MovedGroup {
     /// Pose of the group at the source state `source_t`. With `fading`, which needs opacities,
-    /// faded carriers have less weight.
+    /// faded carriers have lower weights.
     pub(crate) fn pose(
         &self,
         source_1: &Splats,
@@ -57,7 +57,7 @@ impl MovedGroup {
         let still = GroupPose {
             at_edit: self.similarity,
             now: self.similarity,
-            turn: Similarity::IDENTITY.rotation,
+            rotation: Similarity::IDENTITY.rotation,
         };
         if self.carriers.is_empty() {
             return still;
@@ -77,23 +77,27 @@ impl MovedGroup {
         for (&id, &weight) in ids.iter().zip(scratch.iter()) {
             fit.add_rotation(f64::from(weight), relative_rotation(source_1, source_t, id as usize));
         }
-        let turn = fit.rotation(OPEN_CASES);
+        let rotation = fit.rotation(ROTATION_WEIGHT);
         let motion = Similarity {
             scale: 1.0,
-            rotation: turn,
+            rotation: rotation,
             mirrored: false,
-            translation: fit.apply(turn, [0.0; 3]),
+            translation: fit.apply(rotation, [0.0; 3]),
         };
         if !motion.is_valid() {
             return still;
         }
-        GroupPose { now: motion.after(&self.similarity).after(&motion.inverse()), turn, ..still }
+        GroupPose {
+            now: motion.after(&self.similarity).after(&motion.inverse()),
+            rotation,
+            ..still
+        }
     }
 }
 
-/// Moves a splat that represents a group's surface, but was not placed by the edit, to the group's
-/// pose.
-pub(crate) fn carry(
+/// Applies the group's pose to a splat that represents the group's surface at other times, and that
+/// the edit did not move itself.
+pub(crate) fn transform_with_group(
     pose: &GroupPose,
     mean: &mut [f32; 3],
     rotation: &mut [f32; 4],
@@ -104,10 +108,10 @@ pub(crate) fn carry(
     *log_scale = log_scale.map(|value| value + pose.now.scale.ln().as_f32());
 }
 
-/// Geometry of a moved row at a time; see the documentation of this module. `edited` is the row at
-/// the edit time. Its differences from the similarity are kept: residuals of its centre, and
-/// rotations and scales that the tool did not transform.
-pub(crate) fn place(
+/// Geometry of a moved row at the time of `pose` and `source_t`; see the documentation of this
+/// module. `edited` is the row at the edit time. Its differences from the similarity are kept: the
+/// residual of its centre, and rotation and scales that the editor did not transform.
+pub(crate) fn moved_geometry(
     edited: ([f32; 3], [f32; 4], [f32; 3]),
     id: usize,
     pose: &GroupPose,
@@ -116,21 +120,21 @@ pub(crate) fn place(
 ) -> ([f32; 3], [f32; 4], [f32; 3]) {
     let (mean, rotation, log_scale) = edited;
     let x_1 = pose.at_edit.apply(source_1.means[id].map(f64::from));
-    let residual = quat::rotate(pose.turn, sub(mean.map(f64::from), x_1));
+    let residual = quat::rotate(pose.rotation, sub(mean.map(f64::from), x_1));
     let x_t = pose.now.apply(source_t.means[id].map(f64::from));
     let new_mean = [0, 1, 2].map(|k| (x_t[k] + residual[k]).as_f32());
 
     let unit = |q: [f32; 4]| quat::normalize(q.map(f64::from));
     let (q_1, q_t, q_e) = (unit(source_1.quats[id]), unit(source_t.quats[id]), unit(rotation));
-    // Rotation from the placed source splat to the edited one, in the axes of the splat.
+    // Rotation from the transformed source splat to the edited one, in the axes of the splat.
     let placed = quat::mul(pose.at_edit.rotation, q_1);
     let own = quat::mul(quat::conjugate(placed), q_e);
     if quat::dot(own, own) < 0.5 || quat::dot(q_t, q_t) < 0.5 {
         return (new_mean, rotation, log_scale);
     }
-    let turned = quat::mul(quat::mul(pose.now.rotation, q_t), own);
-    let new_rotation = quat::align(turned, q_e).map(Real::as_f32);
-    // Editors reorder axes: the share of each source axis in each edited one.
+    let rotated = quat::mul(quat::mul(pose.now.rotation, q_t), own);
+    let new_rotation = quat::align(rotated, q_e).map(Real::as_f32);
+    // Editors reorder axes: share of each source axis in each edited axis.
     let axes = gs_core::rotation_matrix(own);
     let change = [0, 1, 2].map(|k| source_t.log_scales[id][k] - source_1.log_scales[id][k]);
     let new_scale = std::array::from_fn(|k| {

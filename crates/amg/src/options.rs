@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Named sets of options.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Preset {
+pub enum MotionPreset {
     /// Regions of the source that move as one (default).
     Regions,
     /// The paper as printed.
@@ -46,7 +46,7 @@ impl Default for KnnParams {
     }
 }
 
-/// How [`MotionGuide::Paper`] finds anchors.
+/// How [`MotionGuide::Paper`] samples anchors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AnchorSampling {
     /// Neighbourhoods that lines through the scene's sphere hit (Eqs. 5–7).
@@ -60,7 +60,7 @@ pub enum AnchorSampling {
 /// Options of [`MotionGuide::Paper`]; `Default` is the paper.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PaperParams {
-    /// How anchors are found. Default [`AnchorSampling::Lines`].
+    /// How anchors are sampled. Default [`AnchorSampling::Lines`].
     pub sampling: AnchorSampling,
     /// Neighbourhoods, cylinder and lines. Default: disjoint triples, global δ, 300 000 lines.
     pub anchors: anchors::AnchorParams,
@@ -107,8 +107,8 @@ pub struct Aggregation {
     /// positions; 0 where the scene does not model rotation. Default 3; [`crate::propagate()`]
     /// lowers it when the source's rotations disagree with its positions.
     pub rotation_prior: f32,
-    /// Whether a source has less weight at times when it is fainter than at the edit frame, because
-    /// images do not constrain its position then. Default on.
+    /// Whether the weight of a source falls with its opacity, relative to that at the edit frame:
+    /// images do not constrain the positions of faint splats. Default on.
     pub fading: bool,
 }
 
@@ -118,7 +118,8 @@ pub enum PositionRule {
     /// Weighted mean of the displacements (Eq. 9).
     Average,
     /// The rigid motion that best fits the motion of the row's sources (weighted Kabsch), applied
-    /// to the splat: a splat 3 % off a limb that turns by 80° needs the lever arm.
+    /// to the splat: a splat at 3 % of the figure's size from a limb that rotates by 80° needs the
+    /// lever arm.
     Rigid,
 }
 
@@ -136,8 +137,8 @@ pub enum RotationRule {
 pub enum ScaleRule {
     /// Mean of `s_t / s_1` per stored axis (Eq. 24, as printed).
     PerAxis,
-    /// Weighted geometric mean over sources and axes: stored axes of neighbours have no common
-    /// order.
+    /// Weighted geometric mean over sources and axes: neighbours store their axes in different
+    /// orders.
     Isotropic,
 }
 
@@ -179,7 +180,7 @@ pub struct IdentityParams {
     /// [`crate::propagate()`] restores. Default none.
     pub precision: Option<Arc<Precision>>,
     /// Whether groups of source splats that were moved, rotated or scaled together are recognised.
-    /// Default on; off in the presets of the literature.
+    /// Default on; off in the presets `Paper` and `Knn`.
     pub moved: bool,
 }
 
@@ -196,7 +197,7 @@ pub struct DynamicParams {
     /// (default): estimated from the distribution of displacements, see [`crate::DynamicSplit`].
     pub threshold: Option<f32>,
     /// Whether displacements that neighbours do not share are ignored: splats on textureless
-    /// surfaces slide along them independently. Default on; off in the presets of the literature.
+    /// surfaces slide along them independently. Default on; off in the presets `Paper` and `Knn`.
     pub coherent: bool,
 }
 
@@ -206,13 +207,14 @@ impl Default for DynamicParams {
     }
 }
 
-/// Whether an edit belongs to splats or to the surface.
+/// Whether an edit applies to splats or to the surface that they represent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Follow {
-    /// The edit belongs to the splats of the edit frame and is visible as long as they are.
+    /// The edit applies to the splats of the edit frame and is visible as long as they are.
     #[default]
     Splats,
-    /// The edit belongs to the surface: splats that represent it at other times inherit the edit.
+    /// The edit applies to the surface: splats that represent it at other times inherit the edit.
     Surface,
 }
 
@@ -222,7 +224,7 @@ pub enum Follow {
 pub struct MotionOptions {
     /// Method that finds correspondences.
     pub guide: MotionGuide,
-    /// Rules that turn correspondences into motion.
+    /// Rules that convert correspondences to motion.
     pub aggregation: Aggregation,
     /// Time of the frame that was edited. `None` (default): start of the source's time range.
     pub edit_time: Option<f32>,
@@ -232,8 +234,9 @@ pub struct MotionOptions {
     pub identity: IdentityParams,
     /// Which source splats move.
     pub dynamics: DynamicParams,
-    /// Whether the edit belongs to splats or to the surface. Default: the splats; for scenes whose
-    /// splats live for a part of the clip, the surface. For guides with identity only.
+    /// Whether the edit applies to splats or to the surface. Default [`Follow::Splats`]; `c4d` uses
+    /// [`Follow::Surface`] for scenes whose splats are visible only for a part of the clip.
+    /// Requires a guide with identity.
     pub follow: Follow,
     /// Edited splats farther from every moving source splat than this share of the figure's size,
     /// and not connected to nearer edited splats, are static. Default 0.25; infinite in the paper
@@ -243,13 +246,13 @@ pub struct MotionOptions {
 
 impl MotionOptions {
     /// The options of a preset.
-    pub fn preset(preset: Preset) -> Self {
+    pub fn preset(preset: MotionPreset) -> Self {
         let (guide, aggregation) = match preset {
-            Preset::Regions => {
+            MotionPreset::Regions => {
                 (MotionGuide::Regions(MotionParams::default()), Aggregation::default())
             }
-            Preset::Paper => (MotionGuide::Paper(PaperParams::default()), Aggregation::PAPER),
-            Preset::Knn => (MotionGuide::Knn(KnnParams::default()), Aggregation::PAPER),
+            MotionPreset::Paper => (MotionGuide::Paper(PaperParams::default()), Aggregation::PAPER),
+            MotionPreset::Knn => (MotionGuide::Knn(KnnParams::default()), Aggregation::PAPER),
         };
         Self {
             guide,
@@ -258,31 +261,34 @@ impl MotionOptions {
             num_key_times: 12,
             // the paper estimates the motion of every edited splat
             identity: IdentityParams {
-                enabled: preset != Preset::Paper,
-                moved: preset == Preset::Regions,
+                enabled: preset != MotionPreset::Paper,
+                moved: preset == MotionPreset::Regions,
                 ..Default::default()
             },
             follow: Follow::Splats,
-            dynamics: DynamicParams { coherent: preset == Preset::Regions, ..Default::default() },
-            reach: if preset == Preset::Paper { f32::INFINITY } else { 0.25 },
+            dynamics: DynamicParams {
+                coherent: preset == MotionPreset::Regions,
+                ..Default::default()
+            },
+            reach: if preset == MotionPreset::Paper { f32::INFINITY } else { 0.25 },
         }
     }
 
-    /// The same options with another guide.
+    /// The same options with the given guide.
     #[must_use]
     pub fn with_guide(mut self, guide: MotionGuide) -> Self {
         self.guide = guide;
         self
     }
 
-    /// The same options with other rules that turn correspondences into motion.
+    /// The same options with the given rules that convert correspondences to motion.
     #[must_use]
     pub fn with_aggregation(mut self, aggregation: Aggregation) -> Self {
         self.aggregation = aggregation;
         self
     }
 
-    /// The same options with another choice of what the edit belongs to.
+    /// The same options with the given [`Follow`].
     #[must_use]
     pub fn with_follow(mut self, follow: Follow) -> Self {
         self.follow = follow;
@@ -291,7 +297,7 @@ impl MotionOptions {
 
     /// The baseline that evaluates `field` at the edited positions.
     pub fn field(field: Arc<dyn FieldAt>) -> Self {
-        Self::preset(Preset::Knn).with_guide(MotionGuide::Field(field))
+        Self::preset(MotionPreset::Knn).with_guide(MotionGuide::Field(field))
     }
 
     pub(crate) fn check(&self) -> Result<(), AmgError> {
@@ -326,6 +332,6 @@ impl MotionOptions {
 
 impl Default for MotionOptions {
     fn default() -> Self {
-        Self::preset(Preset::Regions)
+        Self::preset(MotionPreset::Regions)
     }
 }

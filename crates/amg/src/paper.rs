@@ -1,11 +1,11 @@
-//! The paper as printed: anchors on both clouds, unbalanced transport, nearest matched anchor,
-//! Mahalanobis weights.
+//! The paper's method as printed: anchors on both clouds, unbalanced transport, nearest matched
+//! anchor, Mahalanobis weights.
 
 use crate::AmgError;
+use crate::guide_input::ProgressFn;
 use crate::options::{AnchorSampling, PaperParams};
 use crate::report::{MotionReport, TransportReport};
 use crate::row_index::index;
-use crate::work::Progress;
 use anchors::AnchorSet;
 use gs_core::{Real, Splats, quat};
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ pub(crate) fn bind(
     rows: &[usize],
     params: &PaperParams,
     report: &mut MotionReport,
-    progress: Progress<'_>,
+    progress: ProgressFn<'_>,
 ) -> Result<Vec<Vec<(u32, f32)>>, AmgError> {
     if pool.is_empty() || rows.is_empty() {
         return Ok(vec![Vec::new(); rows.len()]);
@@ -48,7 +48,7 @@ pub(crate) fn bind(
     };
     report.anchors = [src.len(), edit.len()];
     if src.is_empty() || edit.is_empty() {
-        report.warnings.push("no anchors could be built: edited splats stay put".to_owned());
+        report.warnings.push("no anchors could be built: edited splats do not move".to_owned());
         return Ok(vec![Vec::new(); rows.len()]);
     }
     progress("transport", 0.0);

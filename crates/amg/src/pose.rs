@@ -1,16 +1,16 @@
-//! Origin, size and axes of a cloud, from the cloud itself.
+//! Origin, size and axes of a point cloud.
 //!
-//! The motion stage takes every origin, order, length and direction from here, so that results do
-//! not depend on the position, orientation and size of the scene.
+//! Every origin, order, length and direction of the motion stage is relative to this pose, so that
+//! results do not depend on the position, orientation and size of the scene.
 
 use crate::rigid::{dot, eigen, sub};
 use gs_core::nearest_rank;
 
-/// Share of the points within the radius of the cloud. The size of most objects is then about the
-/// longest edge of their box, and one floater in twenty does not change it.
+/// Share of the points within the radius of the cloud. The resulting size is about the longest edge
+/// of the bounding box for most objects, and is robust to one floater in twenty splats.
 const INSIDE: f64 = 0.92;
 
-/// A cloud's own frame.
+/// Coordinate frame of a point cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Pose {
     /// Mean of the points.
@@ -52,7 +52,7 @@ pub(crate) fn robust_diameter(points: &[[f64; 3]]) -> f64 {
 }
 
 fn centroid(points: &[[f64; 3]]) -> [f64; 3] {
-    // About the first point: sums of coordinates far from the origin would lose digits.
+    // About the first point: sums of coordinates far from the origin would lose precision.
     let Some(&first) = points.first() else { return [0.0; 3] };
     let mut sum = [0.0; 3];
     for &x in points {

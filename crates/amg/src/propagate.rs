@@ -1,20 +1,20 @@
-//! The whole motion stage: from a source scene and edited splats to an edited dynamic scene.
+//! The motion stage: from a source scene and edited splats to an edited dynamic scene.
 
-use crate::beside_copies::companions;
-use crate::binding::{Binding, Surface};
+use crate::binding::{Binding, SurfaceBinding};
 use crate::carriers;
 use crate::dynamics::DynamicSplit;
 use crate::generations::Generations;
+use crate::guide_input::{GuideInput, ProgressFn, Row};
 use crate::identity::{Identity, IdentityMap};
 use crate::inheritance::{InheritanceReport, inherit};
 use crate::keyframes::KeyFrames;
-use crate::lasting::LastingScene;
-use crate::lasting_copies;
+use crate::near_copies::companions;
 use crate::options::{Follow, MotionGuide, MotionOptions};
+use crate::persistent::PersistentScene;
+use crate::persistent_copies;
 use crate::report::MotionReport;
 use crate::row_kind::RowKind;
 use crate::scene::EditedScene;
-use crate::work::{Progress, Row, Work};
 use crate::{AmgError, knn};
 use anchors::KdTree;
 use gs_core::{DynamicScene, Real, Splats};
@@ -26,7 +26,7 @@ use std::time::Instant;
 pub struct Propagation {
     /// The edited dynamic scene. Its [`EditedScene::binding`] is all that needs to be stored.
     pub scene: EditedScene,
-    /// Which edited splats are source splats.
+    /// Correspondence of edited splats with identical source splats.
     pub identity: IdentityMap,
     /// Which source splats move.
     pub split: DynamicSplit,
@@ -34,19 +34,20 @@ pub struct Propagation {
     pub report: MotionReport,
 }
 
-/// Finds the motion of `edited`, an edit of `source` at the edit time. With
-/// [`crate::IdentityParams::precision`], the scene's [`EditedScene::edited`] differs from `edited`:
-/// unchanged splats have the exact values of the source again.
+/// Estimates the motion of `edited`, an edit of `source` at the edit time (stored parameters, `[M]`
+/// splats in world coordinates). With [`crate::IdentityParams::precision`], the scene's
+/// [`EditedScene::edited`] differs from `edited`: unchanged splats have the exact values of the
+/// source.
 ///
 /// # Errors
 /// If the source cannot be evaluated, arrays have inconsistent lengths, or an option is out of
-/// range. Unusual data (splats with NaN values, no motion, no overlap) are counted in the report,
-/// and the splats concerned are static.
+/// range. Unusual data (splats with NaN values, no motion, no overlap) are not errors: they are
+/// counted in the report, and the splats concerned are static.
 pub fn propagate(
     source: Arc<dyn DynamicScene>,
     edited: Arc<Splats>,
     options: &MotionOptions,
-    progress: Progress<'_>,
+    progress: ProgressFn<'_>,
 ) -> Result<Propagation, AmgError> {
     options.check()?;
     edited.check_shapes().map_err(|source| AmgError::Shape { which: "edited", source })?;
@@ -56,9 +57,9 @@ pub fn propagate(
     let clock = Instant::now();
     let followed = surfaces(&source, edit_time, options.follow, progress)?;
     if followed.is_some() {
-        report.timings.push(("lives", clock.elapsed().as_secs_f64()));
+        report.timings.push(("lifetimes", clock.elapsed().as_secs_f64()));
     }
-    let scene = followed.as_ref().map_or(&*source, |(_, lasting)| lasting);
+    let scene = followed.as_ref().map_or(&*source, |(_, persistent)| persistent);
     let mut keys = KeyFrames::of(scene, edit_time, options.num_key_times, &|done| {
         progress("source", done);
     })?;
@@ -74,8 +75,8 @@ pub fn propagate(
     let clock = Instant::now();
     progress("identity", 0.0);
     let identity = IdentityMap::of(&keys.at_edit, &edited, &options.identity)?;
-    // Values that only the file format changed are restored, or those splats would jump at the edit
-    // time.
+    // Values that changed only by the rounding of the file format are restored; otherwise those
+    // splats would jump at the edit time.
     let edited = match &options.identity.precision {
         Some(_) => Arc::new(identity.restore(&keys.at_edit, &edited)),
         None => edited,
@@ -85,26 +86,30 @@ pub fn propagate(
 
     report.num_dynamic = split.dynamic.iter().filter(|&&d| d).count();
     let mut rows = exact_rows(&identity);
-    let beside = match options.guide {
+    let near_copies = match options.guide {
         MotionGuide::Regions(_) => {
             let reach = f64::from(options.reach) * split.figure_size;
             companions(&keys, &edited, &identity, reach)
         }
         _ => Vec::new(),
     };
-    let mut work = Work::of(&keys, &split, &edited, &identity, options, &mut report);
+    let mut input = GuideInput::of(&keys, &split, &edited, &identity, options, &mut report);
     // Both are sorted by row.
-    work.open.retain(|row| beside.binary_search_by_key(row, |companion| companion.row).is_err());
+    input
+        .open
+        .retain(|row| near_copies.binary_search_by_key(row, |companion| companion.row).is_err());
     let mut aggregation = options.aggregation;
-    for (&row, found) in work.open.iter().zip(work.bind(&mut aggregation, &mut report, progress)?) {
+    for (&row, found) in
+        input.open.iter().zip(input.bind(&mut aggregation, &mut report, progress)?)
+    {
         rows[row] = found;
     }
     let mut groups = carriers::groups(&keys, &split.dynamic, &identity);
-    for companion in &beside {
+    for companion in &near_copies {
         rows[companion.row] = (RowKind::Moved, vec![(companion.source, 1.0)]);
         groups.of_row[companion.row] = groups.of_row[companion.neighbor];
     }
-    report.beside_copies = beside.len();
+    report.near_copies = near_copies.len();
     let mut inherited = match &followed {
         Some((generations, _)) => {
             let frames = (&keys.at_edit, &*edited);
@@ -113,19 +118,19 @@ pub fn propagate(
         None => Vec::new(),
     };
     let hidden = followed.as_ref().map_or_else(Vec::new, |(generations, _)| {
-        lasting_copies::mark(generations, &identity, &groups.of_row, &beside, &mut rows)
+        persistent_copies::mark(generations, &identity, &groups.of_row, &near_copies, &mut rows)
     });
     let kinds_and_sources = rows.iter().map(|(kind, entries)| (*kind, &entries[..]));
     let mut binding = Binding::from_rows(kinds_and_sources, keys.at_edit.len())
         .with_groups(groups.groups, groups.of_row);
     if let Some((generations, scene)) = &followed {
-        let lasting = scene.lasting.only(followed_ids(&binding));
+        let persistent = scene.persistent.only(followed_ids(&binding));
         let copied = binding.count(RowKind::Copied);
-        let counts = InheritanceReport::of(generations, &inherited, copied, lasting.ids.len());
+        let counts = InheritanceReport::of(generations, &inherited, copied, persistent.ids.len());
         report.inheritance = Some(counts);
         inherited.extend(hidden);
         inherited.sort_unstable_by_key(|inherited| inherited.row);
-        binding = binding.with_surface(Surface { lasting, inherited })?;
+        binding = binding.with_surface(SurfaceBinding { persistent, inherited })?;
     }
     let binding = Arc::new(binding);
     fill_report(&mut report, &keys, &identity, &split, &binding);
@@ -142,19 +147,19 @@ pub fn propagate(
 }
 
 /// The generations of the source, and the source with splats extended over the whole clip; `None`
-/// if the edit belongs to splats.
+/// if the edit applies to splats.
 fn surfaces(
     source: &Arc<dyn DynamicScene>,
     edit_time: f32,
     follow: Follow,
-    progress: Progress<'_>,
-) -> Result<Option<(Generations, LastingScene)>, AmgError> {
+    progress: ProgressFn<'_>,
+) -> Result<Option<(Generations, PersistentScene)>, AmgError> {
     if follow == Follow::Splats {
         return Ok(None);
     }
-    let generations = Generations::of(&**source, edit_time, &|done| progress("lives", done))?;
-    let lasting = LastingScene::new(Arc::clone(source), &generations, edit_time)?;
-    Ok(Some((generations, lasting)))
+    let generations = Generations::of(&**source, edit_time, &|done| progress("lifetimes", done))?;
+    let persistent = PersistentScene::new(Arc::clone(source), &generations, edit_time)?;
+    Ok(Some((generations, persistent)))
 }
 
 /// Whether a source splat is followed by a blended or copied row, or is a carrier of a group.
@@ -173,14 +178,14 @@ fn followed_ids(binding: &Binding) -> impl Fn(u32) -> bool {
 fn exact_rows(identity: &IdentityMap) -> Vec<Row> {
     let row = |row: &Identity| match *row {
         Identity::Unchanged(id) => (RowKind::Unchanged, vec![(id, 1.0)]),
-        Identity::Recoloured(id) => (RowKind::Recoloured, vec![(id, 1.0)]),
+        Identity::Recolored(id) => (RowKind::Recolored, vec![(id, 1.0)]),
         Identity::Moved { source, .. } => (RowKind::Moved, vec![(source, 1.0)]),
         Identity::Edited => (RowKind::Static, Vec::new()),
     };
     identity.rows.iter().map(row).collect()
 }
 
-impl<'a> Work<'a> {
+impl<'a> GuideInput<'a> {
     fn of(
         keys: &'a KeyFrames,
         split: &'a DynamicSplit,
@@ -205,7 +210,7 @@ impl<'a> Work<'a> {
         &self,
         aggregation: &mut crate::Aggregation,
         report: &mut MotionReport,
-        progress: Progress<'_>,
+        progress: ProgressFn<'_>,
     ) -> Result<Vec<Row>, AmgError> {
         if self.open.is_empty() {
             return Ok(Vec::new());
@@ -216,7 +221,7 @@ impl<'a> Work<'a> {
                 let (movers, rows) = self.movers(report);
                 progress("nearest", 0.0);
                 let found = knn::bind(&self.keys.at_edit, &movers, self.edited, &rows, *params);
-                self.place(&rows, found)
+                self.fill_rows(&rows, found)
             }
             MotionGuide::Paper(params) => {
                 let (movers, rows) = self.movers(report);
@@ -229,7 +234,7 @@ impl<'a> Work<'a> {
                     report,
                     progress,
                 )?;
-                self.place(&rows, found)
+                self.fill_rows(&rows, found)
             }
             MotionGuide::Regions(params) => {
                 let (rows, quality) = crate::regions::bind(self, params, report, progress);
@@ -242,8 +247,7 @@ impl<'a> Work<'a> {
         Ok(rows)
     }
 
-    /// Sources that may be followed, and the open rows that may follow: those whose nearest source
-    /// moves and is within reach.
+    /// Usable sources, and the open rows whose nearest source moves and is within reach.
     pub(crate) fn movers(&self, report: &mut MotionReport) -> (Vec<usize>, Vec<usize>) {
         let usable: Vec<usize> =
             (0..self.keys.at_edit.len()).filter(|&i| !self.keys.broken[i]).collect();
@@ -273,8 +277,8 @@ impl<'a> Work<'a> {
         (movers, rows)
     }
 
-    /// Rows of `open`: those found for a subset; all others are static.
-    pub(crate) fn place(&self, rows: &[usize], found: Vec<Vec<(u32, f32)>>) -> Vec<Row> {
+    /// Rows of `open`: `found` for the subset `rows`; all others are static.
+    pub(crate) fn fill_rows(&self, rows: &[usize], found: Vec<Vec<(u32, f32)>>) -> Vec<Row> {
         let mut by_row = rows.iter().zip(found).peekable();
         self.open
             .iter()
@@ -297,11 +301,11 @@ fn fill_report(
     report.dynamic_threshold = split.threshold;
     report.figure_size = split.figure_size;
     report.unchanged = identity.unchanged;
-    report.recoloured = identity.recoloured;
+    report.recolored = identity.recolored;
     report.moved = identity.moved;
     report.moved_groups = moved_groups(keys, identity);
     report.edited = identity.edited;
-    report.vanished = identity.vanished.len();
+    report.removed = identity.removed.len();
     report.blended = binding.count(RowKind::Blended);
     report.static_rows = binding.count(RowKind::Static);
     report.field_rows = binding.count(RowKind::Field);
@@ -310,11 +314,11 @@ fn fill_report(
             report.warnings.push(format!("{count} {what}"));
         }
     };
-    warn(report.out_of_reach, "edited splats are beyond reach of the source and stay put");
+    warn(report.out_of_reach, "edited splats are beyond reach of the source and do not move");
     warn(report.broken_rows, "edited splats contain non-finite values and are unchanged");
     warn(report.num_broken_sources, "source splats contain non-finite values and are ignored");
     if report.num_dynamic == 0 {
-        report.warnings.push("nothing in the source moves: all edited splats stay put".to_owned());
+        report.warnings.push("nothing in the source moves: no edited splat moves".to_owned());
     }
     // Rows that are source splats lie on the source, even if a few new rows are far away.
     let shared = identity.matched();
@@ -323,7 +327,7 @@ fn fill_report(
     }
 }
 
-/// Number of splats of each similarity, and a description of it. Largest first.
+/// Number of splats of each group and a description of its similarity, largest first.
 fn moved_groups(keys: &KeyFrames, identity: &IdentityMap) -> Vec<(usize, String)> {
     let described = |(number, similarity): (u32, &crate::Similarity)| {
         let points: Vec<[f64; 3]> = identity

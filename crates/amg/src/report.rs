@@ -10,11 +10,12 @@ pub struct MotionReport {
     pub num_sources: usize,
     /// Source splats that move.
     pub num_dynamic: usize,
-    /// Source splats that move with none of their neighbours; no edited splat follows them.
+    /// Source splats whose motion differs from that of all their neighbours; no edited splat
+    /// follows them.
     pub num_floaters: usize,
     /// Source splats with a non-finite value at the edit frame or a key time; never used.
     pub num_broken_sources: usize,
-    /// Displacement from which a splat counts as moving, world units.
+    /// Displacement above which a splat counts as moving, world units.
     pub dynamic_threshold: f64,
     /// Length unit of all shares, world units; see [`crate::DynamicSplit::figure_size`].
     pub figure_size: f64,
@@ -22,21 +23,21 @@ pub struct MotionReport {
     pub num_edited_splats: usize,
     /// Edited splats that are unchanged source splats.
     pub unchanged: usize,
-    /// Edited splats that are source splats with another appearance.
-    pub recoloured: usize,
+    /// Edited splats that are source splats with a different appearance.
+    pub recolored: usize,
     /// Edited splats that are source splats, moved, rotated or scaled as groups.
     pub moved: usize,
     /// Number of splats of each such group, and a description of its similarity.
     pub moved_groups: Vec<(usize, String)>,
     /// Edited splats that are none of these, matched by the guide
-    /// (`blended + static_rows + field_rows + beside_copies`).
+    /// (`blended + static_rows + field_rows + near_copies`).
     pub edited: usize,
-    /// Edited rows beside a copy, which move with it.
-    pub beside_copies: usize,
-    /// Splats that inherit the edit, if edits belong to surfaces.
+    /// Edited splats next to a copy, which move with it.
+    pub near_copies: usize,
+    /// Splats that inherit the edit, if edits apply to surfaces.
     pub inheritance: Option<InheritanceReport>,
     /// Source splats without an identical edited splat.
-    pub vanished: usize,
+    pub removed: usize,
     /// Rows that blend sources.
     pub blended: usize,
     /// Edited rows that are static, because the part to which they belong does not move.
@@ -55,11 +56,12 @@ pub struct MotionReport {
     pub transport: Option<TransportReport>,
     /// Regions: groups of neighbouring source splats that move as one (default guide).
     pub num_regions: usize,
-    /// Weight of the source's own rotations that was used.
+    /// Weight that was used for the source's own rotations; see
+    /// [`crate::Aggregation::rotation_prior`].
     pub rotation_prior: f32,
     /// Seconds per stage, in order.
     pub timings: Vec<(&'static str, f64)>,
-    /// Sentences for the user, each with a count and the consequence.
+    /// Messages for the user: a count and the consequence.
     pub warnings: Vec<String>,
 }
 
@@ -77,6 +79,6 @@ pub struct TransportReport {
     pub d_med: f64,
     /// Welsch scale β = γ·d_med, world units.
     pub beta: f64,
-    /// Transported mass.
+    /// Transported mass; the masses of each cloud sum to 1.
     pub total_mass: f64,
 }

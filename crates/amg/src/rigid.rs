@@ -1,4 +1,4 @@
-//! The rotation that best turns one weighted point set into another.
+//! Least-squares rotation between two weighted point sets.
 #![expect(
     clippy::inline_always,
     reason = "vectorised bodies must be compiled inside the dispatched caller"
@@ -11,8 +11,8 @@ pub(crate) use gs_core::symmetric_eigen as eigen;
 
 /// Running sums of weighted rigid fits `y ≈ R (x − x̄) + ȳ`, one per lane.
 ///
-/// Solved as the largest eigenvectors of Davenport's 4×4 matrices: no sign cases, defined for any
-/// input, and rotations known beforehand enter as further terms of the same matrices.
+/// Solved as the largest eigenvectors of Davenport's 4×4 matrices: no special cases for signs,
+/// defined for any input, and prior rotations are further terms of the same matrices.
 #[derive(Debug, Clone)]
 pub(crate) struct RigidFits<const L: usize> {
     from: [Lanes<L>; 3],
@@ -51,7 +51,7 @@ impl<const L: usize> RigidFits<L> {
         }
     }
 
-    /// Adds rotations the fits should resemble.
+    /// Adds prior rotations.
     #[inline(always)]
     pub(crate) fn add_rotation(&mut self, weight: Lanes<L>, r: [Lanes<L>; 4]) {
         for i in 0..4 {
@@ -147,34 +147,34 @@ impl RigidFit {
         self.0.add(Lanes([weight]), lane(x), lane(y));
     }
 
-    /// Adds a rotation the fit should resemble.
+    /// Adds a prior rotation.
     #[inline]
     pub(crate) fn add_rotation(&mut self, weight: f64, r: [f64; 4]) {
         self.0.add_rotation(Lanes([weight]), lane(r));
     }
 
-    /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the added rotations
-    /// relative to the points. Where the points do not determine it (coincident or collinear ones),
-    /// the added rotations do, then the smallest angle.
+    /// Unit quaternion `wxyz` of the best rotation; `prior` is the weight of the prior rotations
+    /// relative to the points. Where the points do not determine the rotation (coincident or
+    /// collinear points), the prior rotations do, and without these the smallest angle is chosen.
     pub(crate) fn rotation(&self, prior: f64) -> [f64; 4] {
         self.0.rotation(prior).map(|value| value.0[0])
     }
 
     /// Scale that best fits together with rotation `r` (Umeyama): 0 if all points coincide.
     pub(crate) fn scale(&self, r: [f64; 4]) -> f64 {
-        let turn = rotation_matrix(r);
+        let matrix = rotation_matrix(r);
         let mut agreement = 0.0;
         for (i, row) in self.cross().iter().enumerate() {
             for (j, sum) in row.iter().enumerate() {
-                agreement += turn[j][i] * sum;
+                agreement += matrix[j][i] * sum;
             }
         }
         let spread = self.0.spread.0[0];
         if spread > 0.0 { agreement / spread } else { 0.0 }
     }
 
-    /// Whether the points do not determine the rotation: at most one direction in which both sets
-    /// spread.
+    /// Whether the points do not determine the rotation: both sets extend in at most one common
+    /// direction.
     pub(crate) fn is_linear(&self) -> bool {
         let s = self.cross();
         let mut squares = [[0.0; 3]; 3];
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn recovers_any_rotation_half_turns_included() {
+    fn any_rotation_is_recovered_including_180_degrees() {
         let points = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 2.0, 0.3], [0.1, -0.4, 1.0]];
         for r in [
             [1.0, 0.0, 0.0, 0.0],
@@ -248,16 +248,19 @@ mod tests {
     }
 
     #[test]
-    fn open_cases_turn_as_little_as_possible() {
+    fn undetermined_rotations_are_as_small_as_possible() {
         let still = fit_of(&[[1.0, 2.0, 3.0]], [1.0, 0.0, 0.0, 0.0]).rotation(0.0);
         assert!((still[0] - 1.0).abs() < 1e-12, "one point: {still:?}");
-        let turn = quat::normalize([1.0, 0.0, 0.0, 0.5]);
+        let rotation = quat::normalize([1.0, 0.0, 0.0, 0.5]);
         let line = [[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
-        let found = fit_of(&line, turn).rotation(0.0);
-        assert!(1.0 - quat::dot(found, turn).abs() < 1e-6, "a line: {found:?}");
-        let mut prior = fit_of(&[[1.0, 2.0, 3.0]], turn);
-        prior.add_rotation(1.0, turn);
+        let found = fit_of(&line, rotation).rotation(0.0);
+        assert!(1.0 - quat::dot(found, rotation).abs() < 1e-6, "a line: {found:?}");
+        let mut prior = fit_of(&[[1.0, 2.0, 3.0]], rotation);
+        prior.add_rotation(1.0, rotation);
         let found = prior.rotation(0.3);
-        assert!(1.0 - quat::dot(found, turn).abs() < 1e-9, "the prior decides: {found:?}");
+        assert!(
+            1.0 - quat::dot(found, rotation).abs() < 1e-9,
+            "the prior determines it: {found:?}"
+        );
     }
 }

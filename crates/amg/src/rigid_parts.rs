@@ -17,8 +17,7 @@ const CELL_SIZE: f64 = 0.03;
 /// is unknown.
 const SPACINGS: f64 = 2.0;
 
-/// Change of distance within a rigid body, relative to the distance: that of
-/// [`crate::MotionParams::strain`].
+/// Largest relative change of distances within a rigid body, as [`crate::MotionParams::strain`].
 const STRAIN: f64 = 0.04;
 
 /// Root mean square residual, as a share of the moving figure, up to which two groups count as one
@@ -35,15 +34,15 @@ const FRAGMENT: f64 = 0.01;
 pub struct RigidParts {
     /// Flags of the moving splats ([`DynamicSplit`]), `[N]`.
     pub moving: Vec<bool>,
-    /// Part of each splat, from 1, the part with most splats first, `[N]`; 0 for splats that do not
-    /// move, or move with no others.
+    /// Part of each splat, `[N]`: 1 is the part with the most splats; 0 for splats that do not
+    /// move, or move unlike all others.
     pub parts: Vec<u32>,
     /// Number of parts.
     pub num_parts: u32,
 }
 
 impl RigidParts {
-    /// Parts of the scene as it is at time `t`.
+    /// Finds the parts of the scene, in its state at time `t`.
     ///
     /// Moving splats are grouped in small cells of neighbours that move as one ([`Cells`]); then,
     /// adjacent groups `a` and `b` are joined, in ascending order of
@@ -77,7 +76,7 @@ impl RigidParts {
 }
 
 fn trajectories(keys: &KeyFrames, ids: &[usize]) -> Trajectories {
-    // About one of them, so that scenes far from the origin keep their digits.
+    // Relative to one of them, so that scenes far from the origin do not lose precision.
     let origin = keys.at_edit.means[ids[0]].map(f64::from);
     let pick = |means: &[[f32; 3]], i: usize| sub(means[i].map(f64::from), origin);
     let moved = |&i: &usize| keys.means.iter().map(move |means| pick(means, i));
@@ -133,18 +132,18 @@ fn groups(points: &Trajectories, figure_size: f64) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Sums over a group from which the error of its best rigid motion follows, at each key time.
+/// PairSums over a group from which the error of its best rigid motion follows, at each key time.
 #[derive(Debug, Clone)]
 struct Moments {
     num: f64,
-    at: Vec<Sums>,
+    at: Vec<PairSums>,
     /// Largest squared error over the key times.
     error: f64,
 }
 
-/// Sums over pairs of a place at rest `x` and a place now `y`.
+/// Weighted sums over pairs of a position at rest `x` and a position at a key time `y`.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+struct PairSums {
     weight: f64,
     x: [f64; 3],
     y: [f64; 3],
@@ -152,7 +151,7 @@ struct Sums {
     squares: f64,
 }
 
-impl Sums {
+impl PairSums {
     fn add(&mut self, other: &Self) {
         self.weight += other.weight;
         self.squares += other.squares;
@@ -195,16 +194,16 @@ impl Sums {
 impl Moments {
     fn of(points: &Trajectories, members: &[u32]) -> Self {
         let sums = |k: usize| {
-            let mut sums = Sums::default();
+            let mut sums = PairSums::default();
             for &point in members {
                 let point = point as usize;
                 let (x, y) = (points.rest[point], points.places(point)[k]);
                 let weight = points.present(k, point);
-                let mut one = Sums {
+                let mut one = PairSums {
                     weight,
                     x: x.map(|v| weight * v),
                     y: y.map(|v| weight * v),
-                    ..Sums::default()
+                    ..PairSums::default()
                 };
                 for a in 0..3 {
                     one.squares += weight * (x[a] * x[a] + y[a] * y[a]);
@@ -221,11 +220,11 @@ impl Moments {
             at: (0..points.num_times()).map(sums).collect(),
             error: 0.0,
         }
-        .judged()
+        .with_error()
     }
 
-    fn judged(mut self) -> Self {
-        self.error = self.at.iter().map(Sums::error).fold(0.0, f64::max);
+    fn with_error(mut self) -> Self {
+        self.error = self.at.iter().map(PairSums::error).fold(0.0, f64::max);
         self
     }
 
@@ -235,27 +234,27 @@ impl Moments {
         for (own, others) in both.at.iter_mut().zip(&other.at) {
             own.add(others);
         }
-        both.judged()
+        both.with_error()
     }
 }
 
 /// Two groups that could be joined. Ordered so that a heap yields the cheapest first.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Pair {
+struct MergeCandidate {
     cost: f64,
     groups: [usize; 2],
     versions: [u32; 2],
 }
 
-impl Eq for Pair {}
+impl Eq for MergeCandidate {}
 
-impl Ord for Pair {
+impl Ord for MergeCandidate {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         other.cost.total_cmp(&self.cost).then_with(|| other.groups.cmp(&self.groups))
     }
 }
 
-impl PartialOrd for Pair {
+impl PartialOrd for MergeCandidate {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
@@ -276,7 +275,7 @@ impl Merging {
         for a in 0..self.near.len() {
             heap.extend(self.near[a].range(a + 1..).map(|&b| self.pair(a, b)));
         }
-        while let Some(Pair { cost, groups: [a, b], versions }) = heap.pop() {
+        while let Some(MergeCandidate { cost, groups: [a, b], versions }) = heap.pop() {
             let current =
                 self.alive[a] && self.alive[b] && versions == [self.version[a], self.version[b]];
             let small = self.moments[a].num.min(self.moments[b].num) < fragment;
@@ -300,10 +299,10 @@ impl Merging {
         }
     }
 
-    fn pair(&self, a: usize, b: usize) -> Pair {
+    fn pair(&self, a: usize, b: usize) -> MergeCandidate {
         let (one, other) = (&self.moments[a], &self.moments[b]);
         let more = one.with(other).error - one.error - other.error;
-        Pair {
+        MergeCandidate {
             cost: (more.max(0.0) / one.num.min(other.num)).sqrt(),
             groups: [a, b],
             versions: [self.version[a], self.version[b]],
@@ -315,24 +314,24 @@ impl Merging {
 mod tests {
     use super::*;
 
-    /// Three bars of 20 × 4 points in a row along x: one rests, one turns about the first joint,
-    /// one also rotates about the second.
+    /// Three bars of 20 × 4 points in a row along x: one is static, one rotates about the first
+    /// joint, one also rotates about the second.
     #[test]
-    fn joints_part_bodies() {
+    fn bars_between_joints_are_separate_parts() {
         let rest: Vec<[f64; 3]> = (0..240)
             .map(|i| {
                 [0.05 * f64::from(i / 4) + 0.001, 0.05 * f64::from(i % 4), 0.01 * f64::from(i % 3)]
             })
             .collect();
-        let turn = |v: [f64; 3], pivot: [f64; 3], angle: f64| {
+        let rotate = |v: [f64; 3], pivot: [f64; 3], angle: f64| {
             let (sin, cos) = angle.sin_cos();
             let d = sub(v, pivot);
             [pivot[0] + cos * d[0] - sin * d[1], pivot[1] + sin * d[0] + cos * d[1], v[2]]
         };
         let moved = |(i, &x): (usize, &[f64; 3])| {
             [0.3, 0.8].map(|angle| {
-                let x = if i >= 160 { turn(x, [2.0, 0.075, 0.0], angle) } else { x };
-                let x = if i >= 80 { turn(x, [1.0, 0.075, 0.0], angle) } else { x };
+                let x = if i >= 160 { rotate(x, [2.0, 0.075, 0.0], angle) } else { x };
+                let x = if i >= 80 { rotate(x, [1.0, 0.075, 0.0], angle) } else { x };
                 [x[0], x[1] + angle, x[2]]
             })
         };
@@ -359,14 +358,14 @@ mod tests {
 
     #[test]
     fn errors_of_rigid_motions_are_zero() {
-        // A quarter turn about z and a step; the last point strays by `off` along z.
+        // A rotation by 90° about z and a step; the last point is displaced by `off` along z.
         let error = |off: f64| {
             let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.3, 0.1, 1.0]];
-            let mut sums = Sums::default();
+            let mut sums = PairSums::default();
             for (i, x) in points.into_iter().enumerate() {
                 let stray = if i == 3 { off } else { 0.0 };
                 let y = [2.0 - x[1], x[0] + 1.0, x[2] + stray];
-                let mut one = Sums { weight: 1.0, x, y, ..Sums::default() };
+                let mut one = PairSums { weight: 1.0, x, y, ..PairSums::default() };
                 for a in 0..3 {
                     one.squares += x[a] * x[a] + y[a] * y[a];
                     for b in 0..3 {
@@ -378,6 +377,6 @@ mod tests {
             sums.error()
         };
         assert!(error(0.0) < 1e-12, "a rigid motion: {}", error(0.0));
-        assert!(error(1.0) > 0.1, "something else: {}", error(1.0));
+        assert!(error(1.0) > 0.1, "not rigid: {}", error(1.0));
     }
 }

@@ -1,4 +1,4 @@
-//! [`index`]: row numbers as they are stored.
+//! [`index`]: conversion of row numbers to `u32`.
 
 /// Row numbers are 32 bits wide in memory and in files.
 #[expect(

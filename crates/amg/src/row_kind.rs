@@ -4,14 +4,14 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum RowKind {
-    /// It is static, at the place where the edit put it.
+    /// It is static, at its position in the edit.
     Static = 0,
     /// It is an unchanged source splat: geometry, opacity and colour of that splat at every time,
     /// bit for bit.
     Unchanged = 1,
     /// It is a source splat with other colours or opacity: that splat's geometry bit for bit, the
     /// edit's appearance plus the source's change of appearance.
-    Recoloured = 2,
+    Recolored = 2,
     /// Its motion is a weighted blend of the motion of its sources.
     Blended = 3,
     /// The deformation field is evaluated at its own position (baseline "w/o AMG").
@@ -23,8 +23,8 @@ pub enum RowKind {
     /// It is an untouched source splat that is invisible in the edit frame; it inherits the edit of
     /// the surface that it represents at other times, see [`Inherited`](crate::Inherited).
     Descendant = 6,
-    /// It is a copy of a source splat that lives briefly, or lies beside such a copy: that splat,
-    /// extended over the whole clip, under the similarity of its group, with the edit's appearance.
+    /// It is a copy of a short-lived source splat, or next to such a copy: that splat, extended
+    /// over the whole clip, under the similarity of its group, with the edit's appearance.
     Copied = 7,
 }
 
@@ -34,7 +34,7 @@ impl RowKind {
         [
             Self::Static,
             Self::Unchanged,
-            Self::Recoloured,
+            Self::Recolored,
             Self::Blended,
             Self::Field,
             Self::Moved,
@@ -45,13 +45,13 @@ impl RowKind {
         .find(|kind| *kind as u8 == code)
     }
 
-    /// The number under which files store it.
+    /// Code of this kind in files.
     pub fn code(self) -> u8 {
         self as u8
     }
 
     /// Whether geometry is copied from one source splat.
     pub fn is_exact(self) -> bool {
-        matches!(self, Self::Unchanged | Self::Recoloured)
+        matches!(self, Self::Unchanged | Self::Recolored)
     }
 }

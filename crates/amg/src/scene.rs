@@ -6,9 +6,9 @@ use crate::binding::Binding;
 use crate::field::FieldAt;
 use crate::inheritance::changed_dc;
 use crate::keyframes::check_rows;
-use crate::lasting::Motion;
 use crate::moved_group::{self, GroupPose};
 use crate::options::Aggregation;
+use crate::persistent::PersistentMotion;
 use crate::row_kind::RowKind;
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
 use rayon::prelude::*;
@@ -23,9 +23,9 @@ const BLOCK: usize = 1024;
 /// A dynamic scene whose frame `t1` is the edited splats, and which moves with its source.
 ///
 /// * At `t1` it is the edited splats bit for bit.
-/// * At any other time the source is evaluated once; the kind of a row determines what it takes
-///   from it (see [`RowKind`]).
-/// * Rows are those of the edited splats; SH degree is theirs, too.
+/// * At any other time the source is evaluated once; the kind of a row determines which values it
+///   takes from the source (see [`RowKind`]).
+/// * Rows and SH degree are those of the edited splats.
 #[derive(Debug)]
 pub struct EditedScene {
     source: Arc<dyn DynamicScene>,
@@ -36,14 +36,14 @@ pub struct EditedScene {
     source_1: Splats,
     /// Sources that blended rows follow, `[N]`.
     followed: Vec<bool>,
-    /// Motions of lasting splats from rest to the edit time.
-    rest: Vec<Motion>,
+    /// Motions of the persistent splats from their rest positions to the edit time.
+    rest: Vec<PersistentMotion>,
     field: Option<FieldBase>,
     dynamic: Option<Vec<bool>>,
     scratch: Mutex<Vec<Splats>>,
 }
 
-/// The source at a time other than the edit's.
+/// State of the source at a time other than the edit time.
 #[derive(Clone, Copy)]
 struct Moment<'a> {
     source_t: &'a Splats,
@@ -51,7 +51,7 @@ struct Moment<'a> {
     followed_t: &'a Splats,
     /// Motions of the followed sources, `[N]`.
     motions: &'a [SourceMotion],
-    /// Whether faded sources have less weight.
+    /// Whether faded sources have lower weights.
     fading: bool,
 }
 
@@ -78,7 +78,7 @@ impl EditedScene {
         let scene = Self::assemble(source, edited, edit_time, binding, aggregation)?;
         if scene.binding.count(RowKind::Field) > 0 {
             return Err(AmgError::Binding {
-                what: "rows of kind `Field` need a deformation field; none was given".to_owned(),
+                what: "rows of kind `Field` need a deformation field, found none: use `EditedScene::with_field`".to_owned(),
             });
         }
         Ok(scene)
@@ -120,7 +120,7 @@ impl EditedScene {
         for &id in blended.flat_map(|row| binding.row(row).0) {
             followed[id as usize] = true;
         }
-        let rest = binding.surface().map_or_else(Vec::new, |s| s.lasting.motions(&source_1));
+        let rest = binding.surface().map_or_else(Vec::new, |s| s.persistent.motions(&source_1));
         Ok(Self {
             rest,
             source,
@@ -146,7 +146,7 @@ impl EditedScene {
         &self.source
     }
 
-    /// The binding.
+    /// Source splats and weights of each edited splat.
     pub fn binding(&self) -> &Arc<Binding> {
         &self.binding
     }
@@ -191,12 +191,12 @@ impl EditedScene {
         if appearance || opacities {
             source_t.check_shapes()?;
         }
-        let mut lasting = surface.map(|_| self.borrow_scratch());
-        if let (Some(surface), Some(lasting)) = (surface, &mut lasting) {
-            lasting.clone_from(&self.source_1);
-            surface.lasting.move_into(&self.rest, &source_t, lasting);
+        let mut persistent = surface.map(|_| self.borrow_scratch());
+        if let (Some(surface), Some(persistent)) = (surface, &mut persistent) {
+            persistent.clone_from(&self.source_1);
+            surface.persistent.move_into(&self.rest, &source_t, persistent);
         }
-        let followed_t = lasting.as_ref().unwrap_or(&source_t);
+        let followed_t = persistent.as_ref().unwrap_or(&source_t);
         let motion = |(id, &followed): (usize, &bool)| {
             let between = || SourceMotion::between(&self.source_1, followed_t, id, fading);
             if followed { between() } else { SourceMotion::default() }
@@ -208,8 +208,8 @@ impl EditedScene {
         if appearance {
             self.move_appearance(moment, out);
         }
-        if let Some(lasting) = lasting {
-            self.return_scratch(lasting);
+        if let Some(persistent) = persistent {
+            self.return_scratch(persistent);
         }
         self.return_scratch(source_t);
         self.add_field(t, appearance, out)
@@ -227,7 +227,7 @@ impl EditedScene {
         }
     }
 
-    /// The row's sources with the weights they have at this time.
+    /// Sources of a row, and their weights at this time.
     fn seen_at<'a>(
         (ids, weights): (&'a [u32], &'a [f32]),
         at: Moment<'_>,
@@ -250,7 +250,7 @@ impl EditedScene {
                 let sources = self.binding.row(row);
                 match kinds[row] {
                     RowKind::Static | RowKind::Field => {}
-                    RowKind::Unchanged | RowKind::Recoloured => {
+                    RowKind::Unchanged | RowKind::Recolored => {
                         let id = sources.0[0] as usize;
                         *mean = source_t.means[id];
                         *rotation = source_t.quats[id];
@@ -262,15 +262,25 @@ impl EditedScene {
                             (source_t.means[id], source_t.quats[id], source_t.log_scales[id]);
                         let group = self.binding.inherited(row).and_then(|found| found.group);
                         if let Some(group) = group {
-                            moved_group::carry(&poses[group as usize], mean, rotation, log_scale);
+                            moved_group::transform_with_group(
+                                &poses[group as usize],
+                                mean,
+                                rotation,
+                                log_scale,
+                            );
                         }
                     }
                     kind @ (RowKind::Moved | RowKind::Copied) => {
                         let Some(group) = self.binding.group_number(row) else { return };
                         let source_t = if kind == RowKind::Copied { followed_t } else { source_t };
                         let (edited, id) = ((*mean, *rotation, *log_scale), sources.0[0] as usize);
-                        (*mean, *rotation, *log_scale) =
-                            moved_group::place(edited, id, &poses[group], &self.source_1, source_t);
+                        (*mean, *rotation, *log_scale) = moved_group::moved_geometry(
+                            edited,
+                            id,
+                            &poses[group],
+                            &self.source_1,
+                            source_t,
+                        );
                     }
                     RowKind::Blended => {
                         let edited = (*mean, *rotation, *log_scale);
@@ -305,7 +315,7 @@ impl EditedScene {
         let source_coeffs = source_t.sh_coeffs();
         let shared = coeffs.min(source_coeffs);
         let source_1 = &self.source_1;
-        // Most formats have constant colours; then the code below changes nothing.
+        // In most formats colours are constant, and the loop over coefficients can be skipped.
         let sh_moves = source_t.sh != source_1.sh;
         let kinds = self.binding.kinds();
         let on_surface = self.binding.surface().is_some();
@@ -327,7 +337,7 @@ impl EditedScene {
                     // Rows that follow a surface keep the edit's opacity and colours: the splats
                     // that represent the surface appear and disappear.
                     RowKind::Blended | RowKind::Copied if on_surface => return,
-                    RowKind::Recoloured | RowKind::Blended | RowKind::Moved | RowKind::Copied => {
+                    RowKind::Recolored | RowKind::Blended | RowKind::Moved | RowKind::Copied => {
                         if !self.aggregation.appearance {
                             return;
                         }
@@ -436,7 +446,7 @@ fn inherit_mask(mask: &[bool], binding: &Binding) -> Vec<bool> {
     let row = |row: usize| match binding.kinds()[row] {
         RowKind::Static => false,
         RowKind::Unchanged
-        | RowKind::Recoloured
+        | RowKind::Recolored
         | RowKind::Moved
         | RowKind::Descendant
         | RowKind::Copied => mask.get(binding.row(row).0[0] as usize).copied().unwrap_or(true),

@@ -10,7 +10,7 @@ pub struct Similarity {
     pub scale: f64,
     /// `R`, unit quaternion `wxyz`.
     pub rotation: [f64; 4],
-    /// Whether the sign is negative: left and right change places.
+    /// Whether the sign is negative: handedness changes.
     pub mirrored: bool,
     /// `t`, world units.
     pub translation: [f64; 3],
@@ -31,12 +31,12 @@ impl Similarity {
 
     /// Image of a point, world frame and units.
     pub fn apply(&self, x: [f64; 3]) -> [f64; 3] {
-        let turned = self.turn(x);
-        [0, 1, 2].map(|k| turned[k] + self.translation[k])
+        let rotated = self.apply_vector(x);
+        [0, 1, 2].map(|k| rotated[k] + self.translation[k])
     }
 
-    /// Image of a difference of two points, without the translation.
-    pub fn turn(&self, d: [f64; 3]) -> [f64; 3] {
+    /// Image of a vector (difference of two points): without the translation.
+    pub fn apply_vector(&self, d: [f64; 3]) -> [f64; 3] {
         let s = if self.mirrored { -self.scale } else { self.scale };
         quat::rotate(self.rotation, d).map(|v| s * v)
     }
@@ -50,7 +50,7 @@ impl Similarity {
             translation: [0.0; 3],
             ..*self
         };
-        Self { translation: back.turn(self.translation).map(|v| -v), ..back }
+        Self { translation: back.apply_vector(self.translation).map(|v| -v), ..back }
     }
 
     /// The composition: `first`, then this similarity.
@@ -70,39 +70,41 @@ impl Similarity {
         rotation_matrix(self.rotation).map(|row| row.map(|v| sign * v))
     }
 
-    /// Splats placed by this similarity: centres, rotations, scales and harmonics.
+    /// Splats transformed by this similarity: centres, rotations, scales and spherical harmonics;
+    /// opacities are unchanged.
     ///
     /// An ellipsoid equals its own point reflection, so mirroring changes harmonics of odd degree
     /// only.
     #[must_use]
-    pub fn place(&self, splats: &Splats) -> Splats {
-        let mut placed = splats.clone();
-        for mean in &mut placed.means {
+    pub fn transform(&self, splats: &Splats) -> Splats {
+        let mut transformed = splats.clone();
+        for mean in &mut transformed.means {
             *mean = self.apply(mean.map(f64::from)).map(Real::as_f32);
         }
-        for q in &mut placed.quats {
+        for q in &mut transformed.quats {
             *q = quat::mul(self.rotation, q.map(f64::from)).map(Real::as_f32);
         }
         let ln_scale = self.scale.ln();
-        for log_scale in &mut placed.log_scales {
+        for log_scale in &mut transformed.log_scales {
             *log_scale = log_scale.map(|v| (f64::from(v) + ln_scale).as_f32());
         }
-        if placed.sh_degree > 0 {
-            let (turn, coeffs) = (ShRotation::orthogonal(self.matrix()), placed.sh_coeffs());
-            placed.sh.chunks_exact_mut(coeffs).for_each(|sh| turn.apply(sh));
+        if transformed.sh_degree > 0 {
+            let (rotation, coeffs) =
+                (ShRotation::orthogonal(self.matrix()), transformed.sh_coeffs());
+            transformed.sh.chunks_exact_mut(coeffs).for_each(|sh| rotation.apply(sh));
         }
-        placed
+        transformed
     }
 
     /// Precision of `rows` rows that were stored with `precision` and then transformed by this
     /// similarity.
     #[must_use]
-    pub fn place_precision(&self, precision: &Precision, rows: usize) -> Precision {
+    pub fn transform_precision(&self, precision: &Precision, rows: usize) -> Precision {
         let (scale, ln_scale) = (self.scale.as_f32(), self.scale.ln().as_f32());
-        let placed = |row: usize| {
+        let transformed = |row: usize| {
             let old = precision.of(row);
-            // Rotated boxes fit into balls; rotated harmonics mix, and so do their roundings and
-            // ends.
+            // A rotated box is bounded by a ball; rotation mixes harmonics, and thereby their
+            // rounding errors and ranges.
             let ball = scale * old.means.iter().map(|v| v * v).sum::<f32>().sqrt();
             RowPrecision {
                 means: [ball; 3],
@@ -112,18 +114,18 @@ impl Similarity {
                 ..*old
             }
         };
-        Precision::by_chunk((0..rows.max(1)).map(placed).collect(), 1)
+        Precision::by_chunk((0..rows.max(1)).map(transformed).collect(), 1)
     }
 
-    /// Least squares over pairs `x`, `y` (Horn's rotation, Umeyama's scale); `None` if fewer than
-    /// three pairs, or if the points lie on a line or a point, which leaves the rotation open.
+    /// Least squares over pairs `x`, `y` (Horn's rotation, Umeyama's scale); `None` for fewer than
+    /// three pairs, or collinear or coincident points, which do not determine the rotation.
     pub(crate) fn fit(pairs: &[([f64; 3], [f64; 3])], mirrored: bool) -> Option<Self> {
         if pairs.len() < 3 {
             return None;
         }
         let sign = if mirrored { -1.0 } else { 1.0 };
         let n = pairs.len() as f64;
-        // About the first pair: sums of coordinates far from the origin would lose digits.
+        // Relative to the first pair: sums of coordinates far from the origin would lose precision.
         let (x0, y0) = pairs[0];
         let (mut from, mut to) = ([0.0; 3], [0.0; 3]);
         for (x, y) in pairs {
@@ -144,7 +146,7 @@ impl Similarity {
         }
         let rotation = fit.rotation(0.0);
         let found = Self { scale: fit.scale(rotation), rotation, mirrored, translation: [0.0; 3] };
-        let moved = found.turn(from);
+        let moved = found.apply_vector(from);
         let found = Self { translation: [0, 1, 2].map(|k| to[k] - moved[k]), ..found };
         found.is_valid().then_some(found)
     }
@@ -178,13 +180,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn group_laws(a in similarity(), b in similarity(), x in [-9.0..9.0_f64, -9.0..9.0, -9.0..9.0]) {
+        fn inverse_and_composition_hold(a in similarity(), b in similarity(), x in [-9.0..9.0_f64, -9.0..9.0, -9.0..9.0]) {
             prop_assert!(far(a.inverse().apply(a.apply(x)), x) < 1e-9, "inverse");
             prop_assert!(far(a.after(&b).apply(x), a.apply(b.apply(x))) < 1e-8, "composition");
         }
 
         #[test]
-        fn fits_recover_what_was_done(a in similarity()) {
+        fn fits_recover_the_similarity(a in similarity()) {
             let points = [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.1, 0.7, 0.3], [-0.4, 0.2, 1.0], [0.3, 0.3, -0.8]];
             let pairs = points.map(|x| (x, a.apply(x)));
             let found = Similarity::fit(&pairs, a.mirrored).unwrap();
@@ -200,8 +202,8 @@ mod tests {
     }
 
     #[test]
-    fn a_line_leaves_the_rotation_open() {
+    fn collinear_points_do_not_determine_a_rotation() {
         let line = [0.0, 1.0, 2.0, 3.0].map(|s| ([s, 2.0 * s, 0.0], [s, 2.0 * s, 0.0]));
-        assert_eq!(Similarity::fit(&line, false), None, "no answer rather than any");
+        assert_eq!(Similarity::fit(&line, false), None, "undetermined");
     }
 }

@@ -1,60 +1,62 @@
-//! A similarity in plain words.
+//! [`Similarity::describe`]: description of a similarity for messages.
 
 use crate::rigid::{norm, sub};
 use crate::similarity::Similarity;
 use gs_core::quat;
 
-/// Smaller angles, radians, are not mentioned: a twentieth of a degree.
-const NO_TURN: f64 = 9e-4;
+/// Smaller angles are not mentioned, radians: a twentieth of a degree.
+const MIN_ANGLE: f64 = 9e-4;
 /// Smaller relative changes of size are not mentioned.
-const NO_SCALE: f64 = 2e-4;
+const MIN_SCALE_CHANGE: f64 = 2e-4;
 /// Smaller movements, as a share of the size, are not mentioned.
-const NO_SHIFT: f64 = 1e-3;
+const MIN_SHIFT: f64 = 1e-3;
 /// An axis within this distance of a coordinate axis is named after it.
 const ALONG: f64 = 1e-4;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Similarity {
-    /// Description of the effect on an object of diameter `size` around `centre`, as in "scaled by
-    /// 1.3, rotated 180° about x"; "by less than can be seen" if the effect is invisible.
+    /// Description of the effect on an object of diameter `size` around `centre` (world units), as
+    /// in "scaled by 1.3, rotated 180° about x"; "by less than can be seen" if the effect is
+    /// invisible.
     pub fn describe(&self, centre: [f64; 3], size: f64) -> String {
         let mut words = Vec::new();
         let (mirror, rotation) = self.mirror_and_rotation();
         if let Some(axis) = mirror {
             words.push(format!("mirrored along {axis}"));
         }
-        if (self.scale - 1.0).abs() > NO_SCALE {
+        if (self.scale - 1.0).abs() > MIN_SCALE_CHANGE {
             words.push(format!("scaled by {}", rounded(self.scale, 4)));
         }
-        words.extend(turn(rotation));
+        words.extend(describe_rotation(rotation));
         let to = self.apply(centre);
         let shift = sub(to, centre);
-        // Tools turn and scale a selection about itself, and a scene about the origin.
-        let about_origin = norm(self.translation) <= NO_SHIFT * size;
-        if !about_origin && norm(shift) > NO_SHIFT * size {
+        // Editors rotate and scale a selection about its centre, and a scene about the origin.
+        let about_origin = norm(self.translation) <= MIN_SHIFT * size;
+        if !about_origin && norm(shift) > MIN_SHIFT * size {
             let [x, y, z] = shift.map(|v| rounded(if v.abs() < 1e-4 * size { 0.0 } else { v }, 3));
             words.push(format!("moved by ({x}, {y}, {z})"));
         }
         if words.is_empty() { "by less than can be seen".to_owned() } else { words.join(", ") }
     }
 
-    /// Whether the effect on an object of diameter `size` around `centre` is invisible.
-    pub fn is_still(&self, centre: [f64; 3], size: f64) -> bool {
+    /// Whether the effect on an object of diameter `size` around `centre` (world units) is
+    /// invisible: below the limits for mention in [`Similarity::describe`].
+    pub fn is_negligible(&self, centre: [f64; 3], size: f64) -> bool {
         let shift = norm(sub(self.apply(centre), centre));
         !self.mirrored
-            && (self.scale - 1.0).abs() <= NO_SCALE
-            && turn(self.rotation).is_none()
-            && shift <= NO_SHIFT * size
+            && (self.scale - 1.0).abs() <= MIN_SCALE_CHANGE
+            && describe_rotation(self.rotation).is_none()
+            && shift <= MIN_SHIFT * size
     }
 
-    /// The axis along which the sign changes first, if it is mirrored, and the rotation that
-    /// follows: none where the mirror's axis can be chosen so.
+    /// The mirrored axis, if there is one, and the rotation after mirroring. The axis is chosen to
+    /// make the rotation as small as possible.
     fn mirror_and_rotation(&self) -> (Option<&'static str>, [f64; 4]) {
         if !self.mirrored {
             return (None, self.rotation);
         }
-        // Mirroring along an axis is a half turn about it and a point reflection.
-        let half_turn = |axis: usize| {
+        // Mirroring along an axis equals a rotation by 180° about it and a point reflection.
+        let rotation_by_180 = |axis: usize| {
             let mut q = [0.0; 4];
             q[axis + 1] = 1.0;
             q
@@ -62,16 +64,16 @@ impl Similarity {
         let best = (0..3)
             .max_by(|&a, &b| self.rotation[a + 1].abs().total_cmp(&self.rotation[b + 1].abs()))
             .unwrap_or(0);
-        let rotation = quat::mul(self.rotation, quat::conjugate(half_turn(best)));
+        let rotation = quat::mul(self.rotation, quat::conjugate(rotation_by_180(best)));
         (Some(AXES[best]), rotation)
     }
 }
 
-fn turn(rotation: [f64; 4]) -> Option<String> {
+fn describe_rotation(rotation: [f64; 4]) -> Option<String> {
     let [w, x, y, z] = if rotation[0] < 0.0 { rotation.map(|c| -c) } else { rotation };
     let sine = norm([x, y, z]);
     let angle = 2.0 * sine.atan2(w);
-    if angle < NO_TURN {
+    if angle < MIN_ANGLE {
         return None;
     }
     let axis = [x, y, z].map(|c| c / sine);
@@ -88,7 +90,7 @@ fn turn(rotation: [f64; 4]) -> Option<String> {
     Some(format!("rotated {}° about {}{note}", rounded(signed, 4), AXES[k]))
 }
 
-/// `value` with that many significant digits and no trailing zeros.
+/// `value` with `digits` significant digits and no trailing zeros.
 fn rounded(value: f64, digits: usize) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -115,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_was_done() {
+    fn similarities_are_described() {
         let (one, half) = ([1.0, 0.0, 0.0, 0.0], std::f64::consts::FRAC_1_SQRT_2);
         let still = [0.0; 3];
         for (found, expected) in [
@@ -138,12 +140,12 @@ mod tests {
                 "rotated 45.15° about (0.267, 0.535, 0.802)",
             ),
         ] {
-            assert_eq!(found, expected, "in words");
+            assert_eq!(found, expected, "description");
         }
     }
 
     #[test]
-    fn scaling_about_a_centre_moves_nothing_there() {
+    fn scaling_about_the_centre_is_described_without_a_shift() {
         let scaled = Similarity {
             scale: 1.3,
             translation: [-0.3 * 2.0, -0.3 * -1.0, 0.0],

@@ -1,4 +1,4 @@
-//! The anchors of a cloud and how they relate to its points.
+//! [`AnchorSet`]: the anchors of a cloud, and the membership of its points.
 
 use rayon::prelude::*;
 
@@ -9,14 +9,14 @@ use crate::points::{Coordinate, distance_squared, widen};
 use crate::vec3::{Vec3, add, scale, sub};
 use crate::{AnchorError, AnchorParams, BoundingSphere, Line, Lines, Neighborhoods, Radius};
 
-/// In [`AnchorSet::owners`]: the point belongs to no anchor.
+/// Entry of [`AnchorSet::owners`] for a point that belongs to no anchor.
 pub const NO_ANCHOR: u32 = u32::MAX;
 
-/// In [`AnchorSet::lines`]: the anchor needed no line.
+/// Entry of [`AnchorSet::lines`] for an anchor that needed no line.
 pub const NO_LINE: u32 = u32::MAX;
 
-/// Anchors of one cloud (Eq. 7), in the order of the neighbourhoods they come from: canonical, if
-/// those were built by [`Neighborhoods::build`].
+/// Anchors of one cloud (Eq. 7), in the order of their neighbourhoods; canonical if those were
+/// built by [`Neighborhoods::build`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorSet {
     /// Anchor positions, world units, `[n,3]` (Eq. 6).
@@ -25,16 +25,16 @@ pub struct AnchorSet {
     pub members: Neighborhoods,
     /// Id of the retained line, `[n]`; [`NO_LINE`] for anchors that needed none.
     pub lines: Vec<u32>,
-    /// Anchor of each point of the cloud, `[N]`; [`NO_ANCHOR`] for uncovered points. Where
-    /// neighbourhoods overlap: the nearest of the anchors the point is a member of, ties to the
-    /// lowest.
+    /// Anchor of each point of the cloud, `[N]`; [`NO_ANCHOR`] for uncovered points. If
+    /// neighbourhoods overlap, the nearest of the anchors of which the point is a member, ties to
+    /// the lowest.
     pub owners: Vec<u32>,
     /// Cylinder radius δ used, world units. For [`Radius::Local`] the mean over the neighbourhoods
     /// of positive size.
     pub delta: f64,
-    /// Uncovered points that are in no neighbourhood.
+    /// Number of uncovered points that are in no neighbourhood.
     pub num_ungrouped: usize,
-    /// Uncovered points whose neighbourhoods were hit by no line.
+    /// Number of uncovered points whose neighbourhoods were hit by no line.
     pub num_unhit: usize,
 }
 
@@ -47,16 +47,16 @@ impl AnchorSet {
     /// distances from that line (Eq. 6), the plain mean if those sum to less than 1e-12·δ. It lies
     /// in the convex hull of the members.
     ///
-    /// The mean distance that gives δ is that over all pairs in a neighbourhood, then over the
-    /// neighbourhoods of positive size; coincident members have no distance to contribute.
-    /// A neighbourhood of one point needs no line, nor does any with δ = 0 (all members coincide,
-    /// and for [`Radius::Global`] those of all others too): it becomes an anchor at that place.
+    /// δ is proportional to a mean distance: over all pairs in a neighbourhood, then over the
+    /// neighbourhoods of positive size. Neighbourhoods of coincident points are left out. A
+    /// neighbourhood of one point needs no line, nor does any with δ = 0 (all members coincide, and
+    /// for [`Radius::Global`] those of all others too): it becomes an anchor at that position.
     ///
     /// A set without anchors is a valid result: every point is then uncovered.
     ///
     /// # Errors
     /// Empty cloud, coordinates that are not finite or beyond ±1e50, parameters out of range,
-    /// neighbourhoods made for another number of points.
+    /// neighbourhoods made for a different number of points.
     pub fn build<T: Coordinate>(
         points: &[[T; 3]],
         neighborhoods: &Neighborhoods,
@@ -159,8 +159,8 @@ impl AnchorSet {
     /// With an empty set every entry is [`NO_ANCHOR`].
     ///
     /// # Errors
-    /// Another number of points than the set was built from; coordinates that are not finite or
-    /// beyond ±1e50.
+    /// A number of points different from that of the cloud from which the set was built;
+    /// coordinates that are not finite or beyond ±1e50.
     pub fn owners_or_nearest<T: Coordinate>(
         &self,
         points: &[[T; 3]],
@@ -209,7 +209,7 @@ impl AnchorSet {
     }
 }
 
-/// δ to report, and δ of each neighbourhood; 0 for those that need no line.
+/// The reported δ, and δ of each neighbourhood (0 for those that need no line), world units.
 fn cylinder_radii(
     points: &[Vec3],
     neighborhoods: &Neighborhoods,

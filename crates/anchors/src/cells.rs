@@ -1,7 +1,7 @@
 //! Cells: regions of a cloud with known trajectories.
 //!
-//! Line-sampled anchors use one frame. Where points have trajectories, a region can be required to
-//! move rigidly, so that it has one motion.
+//! Line-sampled anchors use one frame. If points have trajectories, a region can be required to
+//! move rigidly, so that it has a single motion.
 
 use crate::trajectories::{RigidNeighbors, Trajectories};
 use crate::vec3::{Vec3, dot};
@@ -10,16 +10,16 @@ use crate::vec3::{Vec3, dot};
 const MIN_AGREEMENT: f64 = 0.5;
 
 /// Points are joined only if the edge of the cubes is more than this many spacings: smaller cells
-/// would have too few points for a mean.
+/// contain too few points for a mean.
 const SPACINGS: f64 = 1.5;
 
-/// Squared length below which a direction is ignored: 0.3²; it is too uncertain.
+/// Squared length below which a direction is too uncertain and is ignored: 0.3².
 const MIN_LENGTH_SQUARED: f64 = 0.09;
 
 /// Squared cosine of the largest angle between the directions of neighbours in one cell, 45°.
 const MIN_COS_SQUARED: f64 = 0.5;
 
-/// In [`Cells::owners`]: the point belongs to no cell.
+/// Entry of [`Cells::owners`] for a point that belongs to no cell.
 pub const NO_CELL: u32 = u32::MAX;
 
 /// Settings of [`Cells::build`].
@@ -27,7 +27,8 @@ pub const NO_CELL: u32 = u32::MAX;
 pub struct CellParams {
     /// Edge of the lattice's cubes, world units.
     pub edge: f64,
-    /// Orthonormal axes of the lattice, rows. Mirrored or exchanged axes give the same cells.
+    /// Orthonormal axes of the lattice, one per row, world frame. Mirrored or exchanged axes give
+    /// the same cells.
     pub axes: [[f64; 3]; 3],
 }
 
@@ -84,7 +85,7 @@ impl Cells {
         let mut owners = vec![NO_CELL; num];
         let mut members: Vec<Vec<u32>> = Vec::new();
         for i in (0..num).filter(|&i| !outliers[i]) {
-            // A root is the lowest point of its cell, so it has been given a number before.
+            // A root is the lowest point of its cell, so its cell already has a number.
             let head = find(&mut root, i as u32) as usize;
             if owners[head] == NO_CELL {
                 owners[head] = members.len() as u32;
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_cross_neither_cubes_nor_motions_nor_edges() {
+    fn cells_do_not_cross_cubes_motions_or_edges() {
         let points = plate();
         let up = vec![[0.0, 0.0, 1.0]; 144];
         let cells = cells_of(&points, &up, 0.4);
@@ -168,7 +169,12 @@ mod tests {
             }
         }
         let bent = cells_of(&points, &bent, 0.4);
-        assert!(bent.len() > cells.len(), "an edge parts cells: {} of {}", bent.len(), cells.len());
+        assert!(
+            bent.len() > cells.len(),
+            "an edge separates cells: {} of {}",
+            bent.len(),
+            cells.len()
+        );
     }
 
     #[test]
@@ -193,10 +199,10 @@ mod tests {
     }
 
     #[test]
-    fn sparse_clouds_stay_as_they_are_and_mirrored_axes_change_nothing() {
+    fn sparse_points_are_single_cells_and_mirrored_axes_change_nothing() {
         let points = plate();
         let flat = [[0.0; 3]; 144];
-        assert_eq!(cells_of(&points, &flat, 0.12).len(), 144, "each point by itself");
+        assert_eq!(cells_of(&points, &flat, 0.12).len(), 144, "one cell per point");
         let neighbors = RigidNeighbors::of(&points, 0.04);
         let cells = |axes| {
             let params = CellParams { edge: 0.37, axes };

@@ -9,7 +9,7 @@ use crate::{Line, Lines, Neighborhoods};
 /// The retained line of a neighbourhood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hit {
-    /// Squared distance from the line of the member farthest from it.
+    /// Largest squared distance of a member from the line, world units².
     pub(crate) distance2: f64,
     /// Line id.
     pub(crate) line: u32,
@@ -29,9 +29,9 @@ const TASKS_PER_THREAD: usize = 4;
 /// Maximum number of grids; smaller radii share the finest.
 const MAX_LEVELS: usize = 12;
 
-/// For every neighbourhood the line with the smallest maximum distance to its members among those
-/// with that distance at most `deltas[i]`, ties to the lowest line id. `None` where no line hits,
-/// and where `deltas[i]` is 0.
+/// For every neighbourhood, the line with the smallest maximum distance to its members, if that is
+/// at most `deltas[i]`; ties to the lowest line id. `None` where no line hits, and where
+/// `deltas[i]` is 0.
 pub(crate) fn best_lines(
     points: &[Vec3],
     neighborhoods: &Neighborhoods,

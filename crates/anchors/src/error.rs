@@ -4,7 +4,7 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnchorError {
-    /// No point was given.
+    /// The cloud has no points.
     #[error("the point cloud is empty: at least one point is needed")]
     EmptyCloud,
     /// A coordinate is NaN, infinite, or so large that its square overflows.
@@ -16,7 +16,7 @@ pub enum AnchorError {
         point: usize,
         /// Axis, 0 to 2.
         axis: usize,
-        /// The coordinate found.
+        /// Its value.
         value: f64,
     },
     /// A feature entry is NaN, infinite, or so large that its square overflows.
@@ -26,7 +26,7 @@ pub enum AnchorError {
         point: usize,
         /// Entry, 0 to 5.
         entry: usize,
-        /// The entry found.
+        /// Its value.
         value: f64,
     },
     /// The number of features differs from the number of points.
@@ -38,19 +38,19 @@ pub enum AnchorError {
         found: usize,
     },
     /// A parameter is outside its range.
-    #[error("parameter {name} is {value}: expected {expected}")]
+    #[error("parameter `{name}` is {value}: expected {expected}")]
     BadParam {
         /// Name of the field.
         name: &'static str,
-        /// The value found.
+        /// Its value.
         value: f64,
-        /// The range that is accepted.
+        /// Accepted range.
         expected: &'static str,
     },
     /// Neighbourhoods do not fit the cloud or are not well formed.
     #[error("neighbourhoods are malformed: {reason}")]
     BadNeighborhoods {
-        /// Description, with the numbers found.
+        /// Description, with the values found.
         reason: String,
     },
     /// A line has a coordinate that is not finite or a direction that is not of unit length.
@@ -64,9 +64,9 @@ pub enum AnchorError {
     TooMany {
         /// Name of the elements.
         what: &'static str,
-        /// Number given.
+        /// Number found.
         found: usize,
-        /// Number supported.
+        /// Maximum number.
         limit: usize,
     },
 }

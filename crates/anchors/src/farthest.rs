@@ -1,4 +1,4 @@
-//! Anchors by farthest-point sampling: the usual baseline, without lines.
+//! Anchors by farthest-point sampling, a baseline without lines.
 
 use std::ops::Range;
 
@@ -44,11 +44,11 @@ struct Sampling<'p> {
 }
 
 impl AnchorSet {
-    /// `count` points of the cloud, each the farthest from those before it, as anchors. The first
-    /// is the farthest from the cloud's mean. Every point belongs to its nearest anchor, ties to
-    /// the earlier one, so that none is uncovered. Fewer anchors result where the cloud has fewer
-    /// distinct points. [`AnchorSet::delta`] is the covering radius: the largest distance of a
-    /// point from its anchor.
+    /// Anchors at up to `count` of the `points` `[N,3]`, world units: each is the point farthest
+    /// from the anchors before it. The first is the farthest from the cloud's mean. Every point
+    /// belongs to its nearest anchor, ties to the earlier one, so that no point is uncovered. There
+    /// are fewer anchors if the cloud has fewer distinct points. [`AnchorSet::delta`] is the
+    /// covering radius: the largest distance of a point from its anchor.
     ///
     /// Outliers are far from all other points and therefore become anchors first, unlike with lines
     /// and cylinders.
@@ -152,9 +152,9 @@ impl<'p> Sampling<'p> {
         best.rank
     }
 
-    /// Shortens distances to those from a new anchor. Boxes that are nearer to earlier ones
-    /// everywhere are skipped: the bound is computed by the same operations as the distances and
-    /// never exceeds them.
+    /// Shortens distances to those from a new anchor. Boxes all of whose points are nearer to
+    /// earlier anchors are skipped: the bound is computed by the same operations as the distances
+    /// and never exceeds them.
     fn add(&mut self, rank: u32, anchor: u32) {
         let point = self.ranked[rank as usize];
         for bucket in &mut self.buckets {

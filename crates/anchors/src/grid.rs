@@ -18,7 +18,7 @@ pub(crate) struct Entry {
 /// Balls of one common radius, each listed in every cell its bounding box touches.
 #[derive(Debug)]
 pub(crate) struct Grid {
-    /// Lower corner of cell (1,1,1): a border of empty cells absorbs rounding at the faces.
+    /// Lower corner of cell (1,1,1); a border of empty cells absorbs rounding at the faces.
     low: Vec3,
     high: Vec3,
     cell: f64,
@@ -139,8 +139,8 @@ impl Grid {
             }
             stride *= self.dims[d];
         }
-        // A walk through the grid has at most this many steps. The bound ends walks of lines so far
-        // away that rounding has destroyed their position.
+        // A walk through the grid has at most this many steps. The bound ends walks along lines so
+        // far away that their position is lost to rounding.
         for _ in 0..self.dims.iter().sum() {
             let Some(word) = self.occupied.get(cell / 64) else { return };
             if word >> (cell % 64) & 1 == 1 {

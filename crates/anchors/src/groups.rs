@@ -1,4 +1,4 @@
-//! Gathering ranked points into sets of equal size.
+//! Grouping of ranked points into sets of equal size.
 //!
 //! Rows are in lexicographic order and identified by rank, so that no result depends on the order
 //! of the input. Sets are flat, `size` ascending ranks each, in lexicographic order.
@@ -9,7 +9,7 @@ use crate::median::median;
 use crate::nearest::{all_nearest, for_each_run};
 use crate::points::distance_squared;
 
-/// Maximum number of rounds of proposals; only contrived clouds need more than a few.
+/// Maximum number of rounds of proposals; only artificial clouds need more than a few.
 const MAX_ROUNDS: usize = 64;
 
 /// Partition by a greedy algorithm that does not depend on the order of the input; see

@@ -5,7 +5,7 @@
 //! leaves are ranges of one array.
 //!
 //! A search skips a node by its split planes, which costs one comparison, or else by its bounding
-//! box: where points lie on a surface, a query beside it is near the planes of many nodes but near
+//! box: if points lie on a surface, a query next to it is near the planes of many nodes but near
 //! the boxes of few.
 
 use rayon::prelude::*;
@@ -16,7 +16,7 @@ use crate::points::distance_squared;
 /// A neighbour found by a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
-    /// Squared distance from the query, in the square of the points' unit.
+    /// Squared distance from the query, square of the points' unit.
     pub distance_squared: f64,
     /// Index of the point in the slice the tree was built from.
     pub id: u32,
@@ -163,9 +163,9 @@ impl<const D: usize> KdTree<D> {
         }
     }
 
-    /// Calls `each` with the number of every query and the `k` points nearest to it, as
-    /// [`Self::nearest`] finds them, and collects what it returns in the order of `queries`.
-    /// Queries that lie together run together, so that they share cache lines.
+    /// Calls `each` with the index of every query and the `k` points nearest to it, as
+    /// [`Self::nearest`] finds them. Returns the results in the order of `queries`. Queries that
+    /// are close to each other run together, so that they share cache lines.
     pub fn map<R: Send>(
         &self,
         queries: &[[f64; D]],
@@ -175,8 +175,8 @@ impl<const D: usize> KdTree<D> {
         self.map_within(queries, k, f64::INFINITY, each)
     }
 
-    /// [`Self::map`] with neighbours up to `distance` (inclusive) only, in the points' unit. The
-    /// shorter the distance, the faster.
+    /// [`Self::map`] with neighbours up to `distance` (inclusive) only, unit of the points. Shorter
+    /// distances are faster.
     pub fn map_within<R: Send>(
         &self,
         queries: &[[f64; D]],
@@ -225,14 +225,14 @@ impl<const D: usize> KdTree<D> {
             let mid = from + (to - from) / 2;
             let left = (node + 1, depth - 1, from, mid);
             let right = (node + (1 << depth), depth - 1, mid, to);
-            // The one popped first is on the query's side.
+            // The child on the query's side is popped first.
             let order = if query[*axis] < *split { [right, left] } else { [left, right] };
             subtrees.extend(order);
         }
         false
     }
 
-    /// Number of the leaf on whose side of all split planes `x` lies, in preorder.
+    /// Index of the leaf of the half-spaces that contain `x`, in preorder.
     fn leaf(&self, x: &[f64; D]) -> u32 {
         let mut node = 0;
         for depth in (1..=self.depth).rev() {
@@ -266,8 +266,8 @@ impl<const D: usize> KdTree<D> {
         lists
     }
 
-    /// Calls `each` with the `k` nearest others of every point of the tree, and collects what it
-    /// returns by id. Runs in leaf order, so that queries share cache lines.
+    /// Calls `each` with the `k` nearest others of every point of the tree, and returns the results
+    /// in the order of ids. Runs in leaf order, so that queries share cache lines.
     pub(crate) fn map_nearest<R: Send + Default + Clone>(
         &self,
         k: usize,

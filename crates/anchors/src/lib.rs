@@ -36,7 +36,7 @@
 
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "ids are u32; every entry point refuses clouds that 32 bits cannot index"
+    reason = "ids are u32; every entry point rejects clouds that 32 bits cannot index"
 )]
 
 mod anchor_set;

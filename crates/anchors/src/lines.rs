@@ -12,15 +12,15 @@ use crate::{AnchorError, BoundingSphere};
 /// An infinite line, world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// A point on the line, world units. For sampled lines the middle of the chord, the point nearest to the
-    /// sphere's centre.
+    /// A point on the line, world units. For sampled lines the middle of the chord, the point
+    /// nearest to the sphere's centre.
     pub point: [f64; 3],
     /// Unit direction.
     pub direction: [f64; 3],
 }
 
 impl Line {
-    /// Squared distance of `p` from the line (`d_x`² of Eq. 6), square world units.
+    /// Squared distance of point `p` (world units) from the line, world units² (`d_x`² of Eq. 6).
     #[inline]
     pub fn distance_squared(&self, p: &[f64; 3]) -> f64 {
         // |v × d|² keeps its relative accuracy for points near the line; |v|² - (v·d)² does not.
@@ -35,7 +35,8 @@ pub struct Lines {
     lines: Vec<Line>,
 }
 
-/// Two points on the sphere closer than this (in radii) define no direction and are redrawn.
+/// Two points on the sphere closer than this, in radii, do not define a direction and are drawn
+/// again.
 const MIN_CHORD: f64 = 1e-9;
 
 impl Lines {
@@ -58,11 +59,11 @@ impl Lines {
         Self { lines: (0..num_lines).into_par_iter().with_min_len(4096).map(line).collect() }
     }
 
-    /// Given lines (transformed samples, camera rays).
+    /// The given lines, for example transformed samples or camera rays.
     ///
     /// # Errors
-    /// A point that is not finite or beyond ±1e50, a direction whose length is off 1 by more than
-    /// 1e-9, or more lines than 32-bit ids can name.
+    /// A point that is not finite or beyond ±1e50, a direction whose length differs from 1 by more
+    /// than 1e-9, or more lines than 32-bit ids can represent.
     pub fn from_lines(lines: Vec<Line>) -> Result<Self, AnchorError> {
         let limit = u32::MAX as usize - 1;
         if lines.len() > limit {
@@ -126,7 +127,7 @@ const HIT_CONSTANT: f64 = 0.35;
 /// `sphere_radius` have the same unit.
 ///
 /// The law holds for triples of a partition of a surface-like cloud, within 10 %. Below about 3
-/// hits, which triples are hit is a random thinning.
+/// hits, the triples that are hit are a random subset.
 pub fn expected_hits(num_lines: usize, delta: f64, sphere_radius: f64) -> f64 {
     HIT_CONSTANT * num_lines as f64 * (delta / sphere_radius).powi(2)
 }

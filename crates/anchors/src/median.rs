@@ -21,9 +21,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odd_even_and_empty() {
+    fn medians_of_odd_even_and_empty_slices() {
         assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0, "the middle one");
         assert_eq!(median(&mut [4.0, 1.0, 2.0, 8.0]), 3.0, "between the two middle ones");
-        assert_eq!(median(&mut []), 0.0, "nothing");
+        assert_eq!(median(&mut []), 0.0, "an empty slice");
     }
 }

@@ -1,4 +1,5 @@
-//! All-points nearest neighbours of a ranked cloud, safe against coincident points.
+//! All-points nearest neighbours of a ranked cloud, in near-linear time even with coincident
+//! points.
 
 use crate::AnchorError;
 use crate::kdtree::KdTree;
@@ -30,7 +31,7 @@ pub(crate) fn all_nearest<const D: usize>(ranked: &[[f64; D]], k: usize) -> Vec<
     let tree = KdTree::new(&kept);
     let all_kept = kept.len() == ranked.len();
     if k == 2 && all_kept && full_runs.is_empty() {
-        // The default, without the indirections of the general case.
+        // Fast path for triples of distinct points, without the indirections below.
         let pairs = tree.map_nearest(2, |found| [found[0].id, found[1].id]);
         return pairs.into_flattened();
     }
@@ -70,7 +71,7 @@ pub(crate) fn for_each_run<const D: usize>(
 /// Typical spacing `h` of a cloud, world units: the median over its points of the distance to the
 /// third nearest other point (to the farthest, if there are fewer than three others).
 ///
-/// 0 for a single point, and where most points coincide with three others.
+/// 0 for a single point, and if most points coincide with three others.
 ///
 /// # Errors
 /// Empty cloud; a coordinate that is not finite or beyond ±1e50.

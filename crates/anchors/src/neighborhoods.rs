@@ -1,4 +1,4 @@
-//! Local neighbourhoods of a cloud.
+//! [`Neighborhoods`]: local neighbourhoods of a cloud.
 
 use crate::groups::{disjoint, overlapping};
 use crate::nearest::median_spacing_of_ranked;
@@ -19,14 +19,14 @@ pub struct Neighborhoods {
 }
 
 impl Neighborhoods {
-    /// Groups every point with its `params.k` nearest.
+    /// Groups each of the `points` `[N,3]` (world units) with its `params.k` nearest points.
     ///
     /// **Disjoint**: each free point proposes itself and its `k` nearest free points. Proposals are
     /// accepted in order of mean edge length, as long as all members are still free; then the
-    /// points left over propose again, until nothing is accepted (at most 64 rounds). Proposals
+    /// remaining points propose again, until no proposal is accepted (at most 64 rounds). Proposals
     /// with a mean edge above `max_edge_ratio` × the median of the first round are rejected. Points
-    /// left over at the end are in no neighbourhood. Ties, here and among neighbours, are broken by
-    /// lexicographic rank. Runs of coincident points are grouped among themselves first.
+    /// that remain at the end are in no neighbourhood. Ties, here and among neighbours, are broken
+    /// by lexicographic rank. Runs of coincident points are grouped among themselves first.
     ///
     /// **Overlapping**: one neighbourhood per point; equal sets are kept once.
     ///
@@ -34,7 +34,7 @@ impl Neighborhoods {
     ///
     /// `features`, one `[f64; 6]` per point, are scaled by `feature_weight` ×
     /// [`median_spacing`](crate::median_spacing) and appended to the coordinates for the search, so
-    /// that points with different features count as far apart (see [`normal_feature`]).
+    /// that points with different features are far apart (see [`normal_feature`]).
     ///
     /// # Errors
     /// Empty cloud, coordinates or features that are not finite or beyond ±1e50, features not one
@@ -87,7 +87,7 @@ impl Neighborhoods {
         Ok(Self { offsets, indices: members, num_points: rows.len() })
     }
 
-    /// Given neighbourhoods for a cloud of `num_points` points. Neighbourhoods may share points.
+    /// The given neighbourhoods of a cloud of `num_points` points. Neighbourhoods may share points.
     ///
     /// # Errors
     /// [`AnchorError::BadNeighborhoods`] if `offsets` does not start at 0, does not end at the
@@ -128,7 +128,7 @@ impl Neighborhoods {
     }
 
     /// Keeps the neighbourhoods whose members satisfy `keep`, in their order. The members of the
-    /// others become uncovered points.
+    /// others are then uncovered.
     pub fn retain(&mut self, mut keep: impl FnMut(&[u32]) -> bool) {
         let mut kept = Self::empty(self.num_points);
         for members in self.iter().filter(|members| keep(members)) {
@@ -176,7 +176,7 @@ impl Neighborhoods {
         &self.indices
     }
 
-    /// Number of points of the cloud the ids refer to.
+    /// Number of points of the cloud to which the ids refer.
     pub fn num_points(&self) -> usize {
         self.num_points
     }

@@ -2,7 +2,7 @@
 
 use crate::AnchorError;
 
-/// How points are gathered into neighbourhoods.
+/// How points are grouped in neighbourhoods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Grouping {
     /// A partition: no point is in two neighbourhoods (the paper's "disjoint local neighborhoods").
@@ -12,29 +12,29 @@ pub enum Grouping {
     Overlapping,
 }
 
-/// Radius δ of the cylinder a neighbourhood has to fit into.
+/// Radius δ of the cylinder that must contain a neighbourhood.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Radius {
     /// `radius_factor` × mean member distance over all neighbourhoods. One radius for the cloud,
     /// so that neighbourhoods wider than the typical one (outliers) are rejected.
     #[default]
     Global,
-    /// `radius_factor` × mean member distance of each neighbourhood by itself.
+    /// `radius_factor` × mean member distance, for each neighbourhood separately.
     Local,
-    /// A given radius, world units.
+    /// A fixed radius, world units; above 0.
     Fixed(f64),
 }
 
-/// Settings of anchor construction; `Default` is the paper's choice wherever the paper makes one.
+/// Settings of anchor construction; `Default` has the paper's values where the paper states them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchorParams {
-    /// Nearest neighbours that join a point to form its neighbourhood. Default 2, that is triples
-    /// (supplement, Anchor Construction). 0 makes every point an anchor of its own. At most 64.
+    /// Number of nearest neighbours that form a neighbourhood with a point. Default 2: triples
+    /// (supplement, Anchor Construction). With 0 every point is an anchor. At most 64.
     pub k: usize,
     /// Partition or overlapping neighbourhoods. Default [`Grouping::Disjoint`].
     pub grouping: Grouping,
     /// A disjoint neighbourhood is rejected when its mean edge exceeds this many times the median
-    /// over the first round's candidates. At least 1; `f64::INFINITY` rejects nothing. Default 4.
+    /// over the first round's candidates. At least 1; `f64::INFINITY` disables the test. Default 4.
     pub max_edge_ratio: f64,
     /// Weight α of the optional per-point features: they are scaled by α·h, h being
     /// [`median_spacing`](crate::median_spacing). At least 0. Default 3.
@@ -43,15 +43,15 @@ pub struct AnchorParams {
     pub radius: Radius,
     /// δ in units of the mean member distance. Positive. Default √3/2 (below Eq. 6).
     pub radius_factor: f64,
-    /// Lines sampled through the bounding sphere. Default 300 000 (supplement, Anchor
+    /// Number of lines sampled through the bounding sphere. Default 300 000 (supplement, Anchor
     /// Construction). Used by the one-call constructors; [`Lines::sample`](crate::Lines::sample)
     /// takes the number directly.
     pub num_lines: usize,
-    /// Seed of the lines. Default 0. Used by the one-call constructors.
+    /// Random seed of the lines. Default 0. Used by the one-call constructors.
     pub seed: u64,
 }
 
-/// Largest supported `k`; neighbourhoods are meant to be small.
+/// Maximum supported `k`; neighbourhoods are intended to be small.
 pub(crate) const MAX_K: usize = 64;
 
 impl Default for AnchorParams {

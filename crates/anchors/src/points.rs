@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::AnchorError;
 
-/// A coordinate type: `f32` or `f64`. Everything is computed in `f64`.
+/// A coordinate type: `f32` or `f64`. All arithmetic is in `f64`.
 pub trait Coordinate: Copy + Into<f64> + Send + Sync {}
 impl Coordinate for f32 {}
 impl Coordinate for f64 {}

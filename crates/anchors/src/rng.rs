@@ -1,16 +1,16 @@
-//! Counter-based uniforms: a value depends on its index, not on the number of earlier draws.
+//! Counter-based uniform random numbers: a value depends on its index, not on earlier draws.
 
 /// Increment of the `SplitMix64` sequence (the golden ratio in 64 bits).
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Output function of `SplitMix64`: a bijection that passes the usual statistical batteries.
+/// Output function of `SplitMix64`: a bijection that passes the usual statistical tests.
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 
-/// Four uniforms in [0,1) for item `index`; another `attempt` gives new ones if a draw is rejected.
+/// Four uniform numbers in [0,1) for item `index`; `attempt` counts redraws after rejection.
 pub(crate) fn uniforms(seed: u64, index: u64, attempt: u64) -> [f64; 4] {
     // Seeds are mixed first so that neighbouring seeds do not give shifted copies of one sequence.
     let stream = mix(mix(seed.wrapping_add(GOLDEN)).wrapping_add(attempt.wrapping_mul(GOLDEN)));

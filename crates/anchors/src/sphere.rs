@@ -1,9 +1,9 @@
 //! The smallest sphere around a set of points: the sphere S of Eq. 5.
 //!
-//! Farthest-point pivoting. A support of at most four points determines a ball; the point farthest
-//! outside joins it, and the support of those five is found by trying all their subsets. The
-//! radius grows at every step, so the loop ends, and a ball with nothing outside is the optimum.
-//! About ten passes over the points suffice in practice.
+//! Farthest-point pivoting. A support of at most four points determines a ball. The point farthest
+//! outside is added, and the support of these five is found by trying all subsets. The radius grows
+//! at every step, so the loop terminates, and a ball that contains all points is optimal. About ten
+//! passes over the points suffice in practice.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::vec3::{add, cross, dot, scale, sub};
 /// A sphere, world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundingSphere {
-    /// Centre.
+    /// Centre, world frame.
     pub center: [f64; 3],
     /// Radius; 0 when all points coincide.
     pub radius: f64,
@@ -42,8 +42,8 @@ impl BoundingSphere {
     /// Minimum enclosing sphere of several clouds together. Empty clouds are skipped.
     ///
     /// # Errors
-    /// No point at all; a coordinate that is not finite or beyond ±1e50 (the index given counts
-    /// within its cloud).
+    /// No point at all; a coordinate that is not finite or beyond ±1e50 (its index is relative to
+    /// its cloud).
     pub fn of_union<T: Coordinate>(clouds: &[&[[T; 3]]]) -> Result<Self, AnchorError> {
         let mut all = Vec::new();
         for cloud in clouds.iter().filter(|cloud| !cloud.is_empty()) {
@@ -67,7 +67,7 @@ fn min_ball(points: &[[f64; 3]]) -> BoundingSphere {
         support.sort_unstable_by(lexicographic);
         let (next_center, next_radius2, next_support) = ball_of_few(&support);
         if next_radius2 <= radius2 {
-            // Rounding level reached: `far` is outside by less than the ball can resolve.
+            // `far` is outside by less than rounding.
             break;
         }
         (center, radius2, support) = (next_center, next_radius2, next_support);
@@ -107,9 +107,9 @@ fn farthest(points: &[[f64; 3]], center: &[f64; 3]) -> (f64, [f64; 3]) {
 
 /// Smallest ball around at most five points: centre, squared radius, and its support.
 ///
-/// Every subset of two to four points proposes its circumcentre; the one whose farthest point is
-/// nearest is chosen. Comparing farthest distances, rather than testing containment, needs no
-/// tolerance.
+/// The circumcentres of all subsets of two to four points are candidates; the one with the smallest
+/// distance to its farthest point is chosen. Comparing farthest distances, rather than testing
+/// containment, needs no tolerance.
 fn ball_of_few(points: &[[f64; 3]]) -> ([f64; 3], f64, Vec<[f64; 3]>) {
     let mut best = (points[0], f64::INFINITY, vec![points[0]]);
     for mask in 1_u32..1 << points.len() {

@@ -7,30 +7,30 @@ use crate::kdtree::{KdTree, Neighbor};
 use crate::median::median;
 use crate::points::distance_squared;
 
-/// Neighbours per point: about two rings on a surface.
+/// Number of neighbours per point in [`RigidNeighbors`]: about two rings on a surface.
 pub const NEIGHBORS: usize = 24;
 
 /// The spacing is the distance of the neighbour of this rank over √2: on a surface about the
 /// distance between points.
 const SPACING_RANK: usize = 6;
 
-/// Nearest neighbours per point whose changes of distance are pooled for the noise: they move
-/// rigidly nearly everywhere.
+/// Number of nearest neighbours per point whose changes of distance are pooled for the noise: these
+/// move rigidly almost everywhere.
 const NOISE_NEIGHBORS: usize = 8;
 
-/// Change of distance that noise explains, in units of the pooled median: about three standard
+/// Maximum change of distance due to noise, in units of the pooled median: about three standard
 /// deviations.
 pub const NOISE_REACH: f64 = 3.0;
 
-/// A point is an outlier if this share, or less, of its neighbourhood's weight moves with it.
+/// A point is an outlier if at most this share of its neighbourhood's weight moves with it.
 /// Measured on scenes not used to choose it, geometric means of the end-point error against 0.3:
 /// .97 (20 cases), .91 (goldens), .81 (articulated robots); no case was worse.
 const MIN_SUPPORT: f64 = 0.15;
 
-/// Lower bound of lengths that are divided by; its square is still positive.
+/// Lower bound of lengths in denominators; its square does not underflow.
 const TINY: f64 = 1e-100;
 
-/// N points at rest and at T other times. World units.
+/// Positions of N points at rest (a reference time) and at T other times, world frame and units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectories {
     /// Positions at rest, `[N,3]`.
@@ -40,23 +40,24 @@ pub struct Trajectories {
     /// Presence of each point at each other time, 0 to 1, `[N,T]`; empty if all are always present.
     /// Positions of absent points are ignored.
     pub presence: Vec<f64>,
-    /// Positive weights, `[N]`.
+    /// Weights above 0, `[N]`.
     pub weights: Vec<f64>,
     /// Flags of the moving points, `[N]`. Only these determine the noise and the typical spacing: a
-    /// static background has other noise and another density.
+    /// static background has different noise and density.
     pub moving: Vec<bool>,
 }
 
-/// Neighbours at rest, and the agreement of each pair: how well it keeps its distance over time.
+/// Neighbours at rest, and the agreement of each pair: 0 to 1, 1 if its distance is constant over
+/// time.
 #[derive(Clone, Debug)]
 pub struct RigidNeighbors {
     near: Neighbors,
     /// Agreement of each pair, in the order of `near`.
     agreement: Vec<f64>,
-    /// Local spacing, world units: distance of the sixth neighbour over √2, `[N]`.
+    /// Local spacing: distance to the sixth neighbour divided by √2, world units, `[N]`.
     pub spacing: Vec<f64>,
-    /// Median change of distance between close neighbours over time: the noise of the trajectories,
-    /// world units.
+    /// Noise of the trajectories: median of the largest change over time of the distance between
+    /// close neighbours, world units.
     pub noise: f64,
     /// Change of distance, relative to the distance, that still counts as rigid.
     strain: f64,
@@ -65,7 +66,7 @@ pub struct RigidNeighbors {
 /// The nearest others of every point, each list ascending by (distance, id).
 ///
 /// Lists are stored in the order of a k-d tree: those of points that lie together are adjacent.
-/// Distances are computed when they are asked for, which saves two thirds of the memory.
+/// Distances are computed on demand, which saves two thirds of the memory.
 #[derive(Clone, Debug)]
 pub struct Neighbors {
     /// Ids of the neighbours, list by list.
@@ -92,7 +93,7 @@ impl Neighbors {
         Self { lists, per_point, ids, places, points: points.to_vec() }
     }
 
-    /// Neighbours of point `i`.
+    /// Neighbours of point `i`, in ascending order of (distance, id).
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = Neighbor> + Clone + '_ {
         let point = &self.points[i];
         self.lists[self.range(i)].iter().map(|&id| {
@@ -101,14 +102,15 @@ impl Neighbors {
         })
     }
 
-    /// Where the list of point `i` is.
+    /// Range of the list of point `i`.
     fn range(&self, i: usize) -> Range<usize> {
         let first = self.places[i] as usize * self.per_point;
         first..first + self.per_point
     }
 
-    /// Distance of the sixth neighbour (the last, if there are fewer) of each point over √2, `[N]`;
-    /// 0 without neighbours.
+    /// Local spacing: distance of each point to its sixth neighbour (the last, if there are fewer)
+    /// divided by √2, unit of the points, `[N]`; 0 without neighbours. On a surface this is about
+    /// the distance between adjacent points.
     pub fn spacing(&self) -> Vec<f64> {
         let rank = SPACING_RANK.min(self.per_point);
         let of = |i: usize| {
@@ -130,12 +132,12 @@ impl Trajectories {
         self.rest.is_empty()
     }
 
-    /// Number of times besides that of rest.
+    /// Number of times other than rest, T.
     pub fn num_times(&self) -> usize {
         self.moved.len().checked_div(self.rest.len()).unwrap_or(0)
     }
 
-    /// Positions of point `i` at the other times, `[T,3]`.
+    /// Positions of point `i` at the other times, world units, `[T,3]`.
     pub fn places(&self, i: usize) -> &[[f64; 3]] {
         let times = self.num_times();
         &self.moved[i * times..(i + 1) * times]
@@ -146,16 +148,16 @@ impl Trajectories {
         if self.presence.is_empty() { 1.0 } else { self.presence[i * self.num_times() + k] }
     }
 
-    /// Largest change over time of the distance between `a` and `b`, which is `rest` at rest, times
-    /// the presence of both.
+    /// Maximum over time of the change of the distance between `a` and `b`, times the presence of
+    /// both, world units. `rest` is the distance at rest.
     fn deviation(&self, a: usize, b: usize, rest: f64) -> f64 {
         let squares =
             self.places(a).iter().zip(self.places(b)).map(|(x, y)| distance_squared(x, y));
         if self.presence.is_empty() {
             // Square roots and differences are monotonic, after rounding too.
-            let extremes = |(least, most): (f64, f64), d: f64| (least.min(d), most.max(d));
-            let (least, most) = squares.fold((f64::INFINITY, f64::NEG_INFINITY), extremes);
-            return 0.0_f64.max(most.sqrt() - rest).max(rest - least.sqrt());
+            let extremes = |(low, high): (f64, f64), d: f64| (low.min(d), high.max(d));
+            let (low, high) = squares.fold((f64::INFINITY, f64::NEG_INFINITY), extremes);
+            return 0.0_f64.max(high.sqrt() - rest).max(rest - low.sqrt());
         }
         let changes = squares.enumerate().map(|(k, squared)| {
             (squared.sqrt() - rest).abs() * self.present(k, a).min(self.present(k, b))
@@ -176,7 +178,7 @@ impl RigidNeighbors {
         let near = Neighbors::of(&points.rest, NEIGHBORS);
         let spacing = near.spacing();
         let per_point = near.per_point.max(1);
-        // First the deviations.
+        // The agreement first contains the deviations.
         let mut agreement = vec![0.0; near.lists.len()];
         let lists = agreement.par_chunks_mut(per_point).zip(&near.ids).with_min_len(256);
         lists.for_each(|(own, &i)| {
@@ -204,20 +206,26 @@ impl RigidNeighbors {
         &self.near.ids
     }
 
-    /// Neighbours of point `i`, nearest first, with their agreement: 1 if the distance never
-    /// changes, near 0 if it changes by much more than noise and strain.
+    /// The up to [`NEIGHBORS`] nearest points to point `i`, in ascending order of (distance, id),
+    /// each with its agreement, 0 to 1: 1 if the distance is constant, near 0 if it changes by much
+    /// more than noise and strain.
+    ///
+    /// # Panics
+    /// If `i` is out of range.
     pub fn get(&self, i: usize) -> impl ExactSizeIterator<Item = (Neighbor, f64)> + '_ {
         let own = &self.agreement[self.near.range(i)];
         self.near.get(i).zip(own.iter().copied())
     }
 
-    /// Agreement of any two points `a` and `b` of `points`, the cloud this was built from.
+    /// Agreement of any two points `a` and `b`, 0 to 1. `points` are those from which this was
+    /// built.
     pub fn between(&self, points: &Trajectories, a: usize, b: usize) -> f64 {
         let rest = distance_squared(&points.rest[a], &points.rest[b]).sqrt();
         agreement_of(points.deviation(a, b, rest), rest, self.noise, self.strain)
     }
 
-    /// Weight of a neighbour of point `i`: its own weight times `exp(−½ (distance / 2 spacing)²)`.
+    /// Weight of a neighbour of point `i`: the neighbour's own weight times
+    /// `exp(−½ (distance / 2 spacing)²)`.
     pub fn nearness(&self, points: &Trajectories, i: usize, neighbor: Neighbor) -> f64 {
         let reach = (2.0 * self.spacing[i]).max(TINY);
         let fall = (-0.5 * neighbor.distance_squared / (reach * reach)).exp();
@@ -295,14 +303,14 @@ mod tests {
             }
         }
         let outliers = rigid.outliers(&points);
-        assert!(outliers[72], "the stray");
+        assert!(outliers[72], "the outlier");
         assert!(!outliers[..72].iter().any(|o| *o), "both plates");
         assert!(rigid.between(&points, 0, 35) > 0.99, "far ends of a plate");
-        assert!(rigid.between(&points, 0, 36) < 0.01, "one over the other");
+        assert!(rigid.between(&points, 0, 36) < 0.01, "points of different plates");
     }
 
     #[test]
-    fn what_is_absent_does_not_count() {
+    fn positions_of_absent_points_are_ignored() {
         let mut points = plates();
         points.presence = (0..73).map(|i| if i >= 36 { 0.0 } else { 1.0 }).collect();
         let rigid = RigidNeighbors::of(&points, 0.04);
@@ -310,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn spacing_is_that_of_the_lattice() {
+    fn the_spacing_equals_the_lattice_constant() {
         let rigid = RigidNeighbors::of(&plates(), 0.04);
         // The sixth neighbour of an inner point lies on a diagonal.
         let inner = rigid.spacing[14];
@@ -318,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_one_point_are_defined() {
+    fn empty_clouds_and_single_points_have_results() {
         for count in [0, 1] {
             let points = Trajectories {
                 rest: vec![[0.0; 3]; count],

@@ -57,7 +57,7 @@ pub(crate) fn resolve(
         let map = IdentityMap::of(source, &read, &params).map_err(|error| {
             Failure::bad_input(format!("{}: {}", path.display(), chain(&error)))
         })?;
-        let count = map.unchanged + map.recoloured;
+        let count = map.unchanged + map.recolored;
         counts.push(format!("{count} as {}", axes.name()));
         if count > best.0 {
             best = (count, axes);

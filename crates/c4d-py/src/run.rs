@@ -34,7 +34,7 @@ pub(crate) fn read_run(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDi
 fn name(kind: RowKind) -> &'static str {
     match kind {
         RowKind::Unchanged => "unchanged",
-        RowKind::Recoloured => "recoloured",
+        RowKind::Recolored => "recoloured",
         RowKind::Moved => "moved",
         RowKind::Blended => "blended",
         RowKind::Field => "field",

@@ -5,6 +5,7 @@ use crate::lexer::{Lexer, Token};
 
 /// Fixed point of a rotation or scaling.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Pivot {
     /// Mean of the selected centres.
     Center,
@@ -12,7 +13,8 @@ pub enum Pivot {
     Point([f64; 3]),
 }
 
-/// Pose of a graft: scaled, rotated and moved, in this order, about the origin of its own file.
+/// Pose of a graft in the world frame of the input. It is scaled, rotated and moved, in this order,
+/// about the origin of its file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GraftPose {
     /// Translation, world units.
@@ -24,12 +26,13 @@ pub struct GraftPose {
 }
 
 impl GraftPose {
-    /// No change.
+    /// The identity.
     pub const IDENTITY: Self = Self { translation: [0.0; 3], degrees: [0.0; 3], scale: 1.0 };
 }
 
 /// A change of the selected splats. Lengths are world units, angles degrees, colours 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Action {
     /// Removes the selected splats.
     Delete,
@@ -82,11 +85,11 @@ pub enum Action {
         /// Share of the map, 0 to 1.
         strength: f64,
     },
-    /// Optimal transport of the base colours to those of a picture.
+    /// Transforms base colours to the distribution of a picture's colours, by optimal transport.
     MatchColors {
         /// Name of the picture.
         image: String,
-        /// Whether the whole distribution is matched, not only its mean and covariance.
+        /// Whether the whole distribution is matched instead of mean and covariance.
         sliced: bool,
     },
     /// Colours and patterns of a picture ([`crate::StyleTransfer`]), after
@@ -106,7 +109,7 @@ pub enum Action {
     },
 }
 
-/// An option of the command line.
+/// An option of the command line, for help texts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ActionOption {
     /// Name without dashes.
@@ -117,7 +120,7 @@ pub struct ActionOption {
     pub help: &'static str,
 }
 
-/// The options of the command line that are actions, in the order of the documentation. `sliced`
+/// Command-line options for all actions, in the order of the documentation. `sliced`
 /// modifies the preceding `match-colors`.
 pub const ACTION_OPTIONS: [ActionOption; 17] = [
     option("delete", None, "Remove the selected splats"),
@@ -136,7 +139,7 @@ pub const ACTION_OPTIONS: [ActionOption; 17] = [
     option(
         "saturation",
         Some("FACTOR"),
-        "Scale the distance from grey: 0 is grey, 1 changes nothing",
+        "Scale the distance from grey: 0 gives grey, 1 has no effect",
     ),
     option("brightness", Some("AMOUNT"), "Add to every channel, -1 to 1"),
     option("levels", Some("BLACK,WHITE"), "Stretch BLACK to 0 and WHITE to 1"),
@@ -167,7 +170,7 @@ const fn option(
     ActionOption { name, argument, help }
 }
 
-/// Largest magnitude of colour parameters. Larger values have no use and could overflow.
+/// Largest magnitude of colour parameters. Larger values could overflow.
 const MAX_COLOR: f64 = 1e3;
 
 impl Action {
@@ -193,10 +196,12 @@ impl Action {
         }
     }
 
-    /// Reads the option `name` with the argument `text`, empty for options without one.
+    /// Parses the option `name` (without dashes) with the argument `text`, empty for options
+    /// without one.
     ///
     /// # Errors
-    /// If there is no such action, or the column at which the argument is malformed.
+    /// [`EditError::UnknownAction`]; [`EditError::Syntax`], with the column, for a malformed
+    /// argument.
     pub fn parse(name: &str, text: &str) -> Result<Self, EditError> {
         let syntax = |source| EditError::Syntax { option: name.to_owned(), source };
         let mut argument = Argument { lexer: Lexer::new(text).map_err(syntax)? };
@@ -394,7 +399,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_option_is_read_and_named() {
+    fn every_option_is_parsed() {
         for option in ACTION_OPTIONS.iter().filter(|option| option.name != "sliced") {
             let argument = match option.name {
                 "translate" => "1,2,3",
@@ -414,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn files_may_have_at_signs() {
+    fn file_names_may_contain_at_signs() {
         let file = |text: &str| match Action::parse("graft", text).unwrap() {
             Action::Graft { file, pose } => (file, pose),
             other => panic!("{other:?}"),
@@ -438,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_point_at_the_column() {
+    fn errors_contain_the_column() {
         for (name, text, column) in [
             ("translate", "1,2", 4),
             ("translate", "1,2,nan", 5),

@@ -2,7 +2,7 @@
 
 use gs_core::{Real, Splats, sh};
 
-/// Luma weights of R, G and B (ITU-R BT.601), the usual ones in splat editors.
+/// Luma weights of R, G and B (ITU-R BT.601), as in most splat editors.
 pub(crate) const LUMA: [f64; 3] = [0.299, 0.587, 0.114];
 
 /// Base colour of splat `row`, `½ + C₀·dc`: its mean over all directions. Not clamped.
@@ -12,8 +12,8 @@ pub fn base_color(splats: &Splats, row: usize) -> [f64; 3] {
 }
 
 /// Weight of a splat in colour statistics: opacity times the product of its two largest standard
-/// deviations, square world units. It is proportional to the area that the splat covers, seen from
-/// its flat side. 0 if it is not finite.
+/// deviations, square world units. It is proportional to the area that the splat covers when seen
+/// along its thin axis. 0 if it is not finite.
 pub(crate) fn weight(splats: &Splats, row: usize) -> f64 {
     let mut scales = splats.log_scales[row].map(|value| f64::from(value).exp());
     scales.sort_by(f64::total_cmp);
@@ -105,6 +105,6 @@ mod tests {
             assert!((hsv(rgb).0.unwrap() - hue).abs() < 1e-9, "{rgb:?}");
         }
         assert_eq!(hsv([0.5; 3]), (None, 0.0, 0.5), "grey");
-        assert_eq!(hsv([f64::NAN; 3]).0, None, "no number");
+        assert_eq!(hsv([f64::NAN; 3]).0, None, "NaN");
     }
 }

@@ -5,21 +5,21 @@ use gs_core::{Real, sh};
 
 /// `c ↦ M·c + o` on RGB.
 ///
-/// A splat's colour in direction `d` is `c(d) = ½ + Σ_k Y_k(d)·s_k`. With `s_k' = M·s_k` for
-/// `k ≥ 1` and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it becomes `M·c(d) + o` in every direction. The
-/// same holds for every pixel composited over black: `Σ w_i (M·c_i + o) = M·Σ w_i c_i + o·Σ w_i`.
-/// Rasterisers clamp a splat's colour at 0 before they composite it; where a colour is below 0
-/// before or after the map, the two differ.
+/// A splat's colour in direction `d` is `c(d) = ½ + Σ_k Y_k(d)·s_k`. With `s_k' = M·s_k` (k ≥ 1)
+/// and `s_0' = M·s_0 + (M·½ + o − ½)/C₀` it becomes `M·c(d) + o` in every direction. The same
+/// holds for every pixel composited over black: `Σ w_i (M·c_i + o) = M·Σ w_i c_i + o·Σ w_i`.
+/// Rasterisers clamp a splat's colour at 0 before they composite it; for colours below 0, before or
+/// after the map, the equality does not hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColorMap {
-    /// `M`, rows.
+    /// `M`, row-major, no unit.
     pub matrix: [[f64; 3]; 3],
-    /// `o`.
+    /// `o`, unit of colours (0 to 1).
     pub offset: [f64; 3],
 }
 
 impl ColorMap {
-    /// The map that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self =
         Self { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], offset: [0.0; 3] };
 
@@ -33,7 +33,7 @@ impl ColorMap {
         Self { matrix: [[a, b, c], [c, a, b], [b, c, a]], offset: [0.0; 3] }
     }
 
-    /// `c ↦ luma(c)·1 + factor·(c − luma(c)·1)`; 0 is grey, 1 changes nothing.
+    /// `c ↦ luma(c)·1 + factor·(c − luma(c)·1)`; 0 gives grey, 1 is the identity.
     pub fn saturation(factor: f64) -> Self {
         let mut matrix = [[0.0; 3]; 3];
         for (a, row) in matrix.iter_mut().enumerate() {
@@ -55,7 +55,7 @@ impl ColorMap {
         Self { offset: [-black * gain; 3], ..Self::diagonal([gain; 3]) }
     }
 
-    /// `c ↦ c ∘ (1 − strength + strength·rgb)`: light of that colour.
+    /// `c ↦ c ∘ (1 − strength + strength·rgb)`: as under light of that colour.
     pub fn tint(rgb: [f64; 3], strength: f64) -> Self {
         Self::diagonal(rgb.map(|c| 1.0 - strength + strength * c))
     }
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_do_what_they_say() {
+    fn maps_agree_with_their_definitions() {
         let red = [1.0, 0.0, 0.0];
         assert!(close(ColorMap::hue(120.0).apply(red), [0.0, 1.0, 0.0]), "red becomes green");
         assert!(close(ColorMap::hue(-120.0).apply(red), [0.0, 0.0, 1.0]), "red becomes blue");
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn harmonics_take_the_map_in_every_direction() {
+    fn maps_are_exact_on_harmonics_in_every_direction() {
         let map = ColorMap { offset: [0.1, -0.2, 0.05], ..ColorMap::hue(40.0) };
         let before: Vec<[f32; 3]> =
             (0..16_u8).map(|k| [0.1 * f32::from(k), -0.05 * f32::from(k), 0.3]).collect();

@@ -12,18 +12,18 @@ use crate::transport;
 use amg::Similarity;
 use gs_core::{Image, Real, Splats, activation, quat};
 
-/// Opacities are not raised above this value: rasterisers composite at most 0.99, and the logit of
-/// 1 is infinite.
+/// Maximum opacity that edits produce: rasterisers composite at most 0.99, and the logit of 1 is
+/// infinite.
 pub const MAX_OPACITY: f64 = 0.9999;
 
 /// Maximum number of pixels used for statistics; larger pictures are subsampled.
 const MAX_PIXELS: usize = 1 << 16;
 
-/// Minimum coverage of a pixel that is used.
+/// Minimum coverage of pixels that are used.
 const MIN_COVERAGE: f32 = 0.5;
 
 /// Splats, the current selection, and the steps applied so far. Rows that no step selects keep
-/// their bits and their order; copies and grafts come after them.
+/// their bits and their order; copies and grafts are appended.
 #[derive(Debug, Clone)]
 pub struct Editor {
     splats: Splats,
@@ -54,12 +54,12 @@ impl Editor {
         &self.splats
     }
 
-    /// The current splats.
+    /// The current splats, consuming the editor.
     pub fn into_splats(self) -> Splats {
         self.splats
     }
 
-    /// The splats that the next action changes, `[N]`.
+    /// Flags of the splats that the next action changes, `[N]`.
     pub fn selected(&self) -> &[bool] {
         &self.selected
     }
@@ -128,7 +128,8 @@ impl Editor {
                 let found = resources.splats.get(file);
                 let graft = found.ok_or_else(|| missing("splats", file))?;
                 graft.check_shapes()?;
-                let graft = pose.similarity().place(&graft.with_sh_degree(self.splats.sh_degree));
+                let graft =
+                    pose.similarity().transform(&graft.with_sh_degree(self.splats.sh_degree));
                 check_finite(name, &graft, 0..graft.len())?;
                 self.append(&graft, vec![None; graft.len()]);
                 return Ok(());
@@ -145,11 +146,11 @@ impl Editor {
             }
             Action::Rotate { degrees, pivot } => {
                 let turn = Similarity { rotation: rotation(*degrees), ..Similarity::IDENTITY };
-                part = about(turn, pivot_of(&part, *pivot)).place(&part);
+                part = about(turn, pivot_of(&part, *pivot)).transform(&part);
             }
             Action::Scale { factor, pivot } => {
                 let scale = Similarity { scale: *factor, ..Similarity::IDENTITY };
-                part = about(scale, pivot_of(&part, *pivot)).place(&part);
+                part = about(scale, pivot_of(&part, *pivot)).transform(&part);
             }
             Action::Opacity(factor) => {
                 for logit in &mut part.opacity_logits {
@@ -267,7 +268,7 @@ fn rotation(degrees: [f64; 3]) -> [f64; 4] {
 
 /// `map` with the fixed point `pivot` instead of the origin.
 fn about(map: Similarity, pivot: [f64; 3]) -> Similarity {
-    let turned = map.turn(pivot);
+    let turned = map.apply_vector(pivot);
     Similarity { translation: [0, 1, 2].map(|k| pivot[k] - turned[k]), ..map }
 }
 
@@ -332,7 +333,7 @@ fn pixels(image: &Image) -> Option<Vec<([f64; 3], f64)>> {
     (!colors.is_empty()).then_some(colors)
 }
 
-/// `None` if the picture has no colour.
+/// `None` if the picture has no covered pixels.
 fn match_colors(part: &mut Splats, picture: &Image, sliced: bool) -> Option<()> {
     let rows: Vec<usize> = (0..part.len()).collect();
     let target = pixels(picture)?;
@@ -368,7 +369,7 @@ fn check_finite(
         let fields = [
             ("means", finite(&splats.means[i])),
             ("quats", finite(&splats.quats[i])),
-            // Meaningful infinities: no extent, opacity 0 or 1.
+            // Infinities with a meaning are allowed: no extent, opacity 0 or 1.
             ("log_scales", splats.log_scales[i].iter().all(|&v| v < f32::INFINITY)),
             ("opacity_logits", !splats.opacity_logits[i].is_nan()),
             ("sh", sh),
@@ -394,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn opacities_have_a_limit() {
+    fn opacities_are_limited() {
         let raised = |opacity: f64, factor| {
             activation::sigmoid(f64::from(scaled_opacity(
                 activation::logit(opacity).as_f32(),

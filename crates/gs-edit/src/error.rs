@@ -1,4 +1,4 @@
-//! Errors.
+//! Errors of this crate.
 
 use gs_core::{CameraError, RasterError, SplatsError};
 use thiserror::Error;
@@ -10,7 +10,7 @@ use thiserror::Error;
 pub struct SyntaxError {
     /// The whole text, control characters replaced by spaces.
     pub text: String,
-    /// Column of the error in `text`, from 1; one after the last character if the text ends too
+    /// Column of the error in `text`, from 1; one past the last character if the text ends too
     /// early.
     pub column: usize,
     /// Expected and found text.
@@ -34,7 +34,7 @@ pub enum EditError {
     Syntax {
         /// Name of the option, without dashes.
         option: String,
-        /// Where and why.
+        /// Column and reason.
         #[source]
         source: SyntaxError,
     },
@@ -44,20 +44,20 @@ pub enum EditError {
     /// A modifier does not follow the action it modifies.
     #[error("`--{modifier}` must directly follow `--{action}`")]
     Modifier {
-        /// The modifier.
+        /// Name of the modifier, without dashes.
         modifier: &'static str,
-        /// The action that it modifies.
+        /// Name of the action that it modifies.
         action: &'static str,
     },
     /// The selection of an action is empty.
-    #[error("`--{action}` has nothing to act on: {why}")]
+    #[error("`--{action}` has no selected splats: {why}")]
     EmptySelection {
         /// Name of the action.
         action: &'static str,
-        /// The empty selection.
+        /// Reason why the selection is empty.
         why: String,
     },
-    /// No splat would be left.
+    /// The action would remove all splats.
     #[error("`--{0}` would leave no splats")]
     NothingLeft(&'static str),
     /// Values overflow single precision.
@@ -80,7 +80,7 @@ pub enum EditError {
         /// Number of splats of the input.
         num_splats: usize,
     },
-    /// A part that does not exist.
+    /// The scene has no part with this number.
     #[error("`part {part}`: {}", found(*num_parts))]
     Part {
         /// Requested number.
@@ -97,7 +97,7 @@ pub enum EditError {
         name: String,
     },
     /// A picture has no pixel with colour.
-    #[error("`{0}` has no visible pixels to take colours from")]
+    #[error("`{0}` has no visible pixels from which to take colours")]
     EmptyImage(String),
     /// The style transfer failed.
     #[error("`--style {name}`: {source}")]
@@ -111,7 +111,7 @@ pub enum EditError {
     /// Arrays of the splats have inconsistent lengths.
     #[error(transparent)]
     Splats(#[from] SplatsError),
-    /// A camera or mask cannot be used.
+    /// A camera or mask is invalid.
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// The rasteriser failed.

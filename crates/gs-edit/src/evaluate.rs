@@ -22,7 +22,7 @@ impl Selector {
     /// Flags of the selected splats, `[N]`.
     ///
     /// # Errors
-    /// If a row or part does not exist, or a resource in [`crate::ResourceNames`] was not given.
+    /// If a row or part does not exist, or a resource in [`crate::ResourceNames`] was not loaded.
     pub fn evaluate(&self, frame: SelectorInput<'_>) -> Result<Vec<bool>, EditError> {
         let splats = frame.splats;
         let rows = 0..splats.len();

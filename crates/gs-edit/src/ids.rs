@@ -5,11 +5,12 @@ use crate::error::SyntaxError;
 /// Maximum length of a range, rows; larger than any file of splats.
 const MAX_RANGE: u64 = 1 << 32;
 
-/// Reads row numbers from 0, separated by spaces, commas, brackets or line ends; `10..20` is a
-/// range with both ends; `#` begins a comment. Duplicates are allowed. Ranges are returned as such.
+/// Parses row numbers from 0, separated by spaces, commas, brackets or line ends; `10..20` is a
+/// range that includes both ends; `#` begins a comment. Duplicates are allowed. Returns ranges with
+/// both ends included.
 ///
 /// # Errors
-/// If a line is malformed, with its text and the column.
+/// For a malformed line; the error contains its text and the column.
 pub fn parse_ids(text: &str) -> Result<Vec<(u64, u64)>, SyntaxError> {
     let mut ranges = Vec::new();
     for line in text.lines() {
@@ -63,15 +64,15 @@ mod tests {
     fn lists_ranges_and_comments() {
         let text = "# picked\n1, 2 3\n[10..12,\t7]\n";
         let expected = [(1, 1), (2, 2), (3, 3), (10, 12), (7, 7)];
-        assert_eq!(parse_ids(text).unwrap(), expected, "as written");
+        assert_eq!(parse_ids(text).unwrap(), expected, "rows and ranges");
         assert_eq!(parse_ids("").unwrap(), [], "an empty list");
     }
 
     #[test]
-    fn what_is_no_list_is_named() {
+    fn errors_contain_the_column() {
         for (text, column) in [("1 x", 3), ("5..2", 1), ("-1", 1), ("1.5", 1), ("1\n2 3 nan", 5)] {
             assert_eq!(parse_ids(text).unwrap_err().column, column, "{text}");
         }
-        assert!(parse_ids("0..99999999999999").is_err(), "an endless range");
+        assert!(parse_ids("0..99999999999999").is_err(), "a range that is too long");
     }
 }

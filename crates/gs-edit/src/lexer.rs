@@ -2,7 +2,7 @@
 
 use crate::error::SyntaxError;
 
-/// Maximum length of a text, characters; a bound for hostile input.
+/// Maximum length of a text, characters; limits hostile input.
 const MAX_LENGTH: usize = 65_536;
 
 /// One token.
@@ -229,7 +229,7 @@ mod tests {
             let mut lexer = Lexer::new(text).unwrap();
             let error = loop {
                 match lexer.next() {
-                    Ok((Token::End, _)) => panic!("{text} is refused"),
+                    Ok((Token::End, _)) => panic!("{text} is rejected"),
                     Ok(_) => {}
                     Err(error) => break error,
                 }

@@ -1,11 +1,10 @@
 //! Selections of Gaussian splats in a small language, and edits of the selected splats.
 //!
-//! Promises: [`Selector`] parses expressions such as `color #e33~.15 & !moving`, with the column in
-//! its errors; [`Action`] parses changes; [`Editor`] applies both in order.
-//! Splats that are not selected keep their bits and their order. Affine maps of colour
-//! ([`ColorMap`]) are exact on all bands of the spherical harmonics, rotations rotate them. Results
-//! are the same bits for any number of threads. `docs/EDITING.md` has the language and the
-//! equations.
+//! [`Selector`] parses expressions such as `color #e33~.15 & !moving`, with the column in its
+//! errors; [`Action`] parses changes; [`Editor`] applies both in order. Splats that are not
+//! selected keep their bits and their order. Affine maps of colour ([`ColorMap`]) are exact on all
+//! bands of the spherical harmonics, and rotations rotate these. Results are the same bits for any
+//! number of threads. `docs/EDITING.md` has the language and the equations.
 //!
 //! ```
 //! use gs_core::Splats;

@@ -8,10 +8,10 @@ const MIN_SHARE: f32 = 0.5;
 
 /// Flags of the splats in the masks, `[N]`: those with `Σ m α T > ½ Σ α T` over all pixels of all
 /// views, where `α T` is the splat's weight in a pixel and `m` the mask there, 0 to 1. Splats that
-/// no view shows are not selected. A mask has one channel and the size of its camera.
+/// are invisible in all views are not selected. A mask has one channel and the size of its camera.
 ///
 /// # Errors
-/// If a mask has another size than its camera, or the rasteriser fails.
+/// If the size of a mask differs from that of its camera, or the rasteriser fails.
 pub fn lift_masks<R: Rasterizer>(
     rasterizer: &R,
     splats: &Splats,

@@ -11,20 +11,20 @@ use crate::error::SyntaxError;
 use crate::lexer::{Lexer, Token};
 use crate::selector::{Bounds, Selector, SplatProperty};
 
-/// Maximum nesting of parentheses, `!` and prefixes, far below what the stack allows.
+/// Maximum nesting of parentheses, `!` and prefixes, well within the stack.
 const MAX_DEPTH: usize = 64;
 
-/// Default tolerance of `color`: covers the shading of one material.
+/// Default tolerance of `color`, distance in RGB: includes the shading of one material.
 const TOLERANCE: f64 = 0.15;
 
 /// The leaves and prefixes of the language, for messages.
 const WORDS: &str = "all, box, sphere, plane, opacity, size, x, y, z, red, green, blue, saturation, brightness, color, hue, mask, moving, part, connected, near, ids, grow or shrink";
 
 impl Selector {
-    /// Reads an expression.
+    /// Parses an expression.
     ///
     /// # Errors
-    /// If the text is malformed, with the column.
+    /// For a malformed text; the error contains the column.
     pub fn parse(text: &str) -> Result<Self, SyntaxError> {
         let mut parser = Parser { lexer: Lexer::new(text)?, depth: 0 };
         let selector = parser.expression()?;
@@ -322,7 +322,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn and_binds_tighter_than_or_and_not_tightest() {
+    fn precedence_is_not_and_or() {
         let parsed = Selector::parse("all | !moving & part 2").unwrap();
         let not = Selector::Not(Box::new(Selector::Moving));
         let and = Selector::And(vec![not, Selector::Part(2)]);
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn every_selection_of_the_documents_is_read() {
+    fn documented_selections_are_parsed() {
         for text in [
             "all",
             "box -1,0,-1,1,2,1",
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_point_at_the_column() {
+    fn errors_contain_the_column() {
         for (text, column) in [
             ("", 1),
             ("moving &", 9),

@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Up to this many pairs of two cells are compared directly; for more, a tree finds the nearest.
 const MAX_PAIRS: usize = 4096;
 
-/// Gaps below this share of the cloud's extent link only coincident points.
-const LEAST_GAP: f64 = 1e-12;
+/// With gaps below this share of the cloud's extent, only coincident points are linked.
+const MIN_GAP: f64 = 1e-12;
 
-/// The default gap, in median distances of nearest neighbours.
+/// Default gap, in median distances of nearest neighbours.
 const GAPS: f64 = 3.0;
 
 type Point = [f64; 3];
@@ -50,7 +50,7 @@ pub(crate) fn default_gap(points: &[Point]) -> f64 {
 }
 
 /// Flags of the `points` connected to the one nearest to `seed` (the first of equally near ones) by
-/// steps of at most `gap`. None is set if there is no finite point.
+/// steps of at most `gap`. No flag is set if there is no finite point.
 pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
     let mut selected = vec![false; points.len()];
     let usable: Vec<usize> = (0..points.len()).filter(|&i| finite(&points[i])).collect();
@@ -66,7 +66,7 @@ pub(crate) fn connected(points: &[Point], seed: Point, gap: f64) -> Vec<bool> {
         }
     }
     let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-    let gap = gap.max(LEAST_GAP * extent);
+    let gap = gap.max(MIN_GAP * extent);
     // Points of one cell are never farther apart than the gap.
     let edge = gap / 3.0_f64.sqrt();
     let cell_of = |point: &Point| -> [i64; 3] {
@@ -164,13 +164,17 @@ mod tests {
     }
 
     #[test]
-    fn coincident_and_hostile_points_are_defined() {
+    fn coincident_and_non_finite_points_have_results() {
         let same = vec![[1.0, 2.0, 3.0]; 50];
         assert_eq!(connected(&same, [0.0; 3], 0.0), vec![true; 50], "coincident");
         let odd = [[f64::NAN; 3], [0.0; 3], [f64::INFINITY; 3], [3e38, 0.0, 0.0]];
         assert_eq!(connected(&odd, [0.0; 3], 1.0), [false, true, false, false], "hostile");
         assert_eq!(connected(&[], [0.0; 3], 1.0), Vec::<bool>::new(), "nothing");
-        assert_eq!(within(&odd, &odd, 1e300), [false, true, false, true], "not finite: nowhere");
+        assert_eq!(
+            within(&odd, &odd, 1e300),
+            [false, true, false, true],
+            "points that are not finite"
+        );
         assert_eq!(default_gap(&same[..1]), 0.0, "one point has no neighbour");
     }
 

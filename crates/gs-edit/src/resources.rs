@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct Motion {
     /// Flags of the splats that move, `[N]`.
     pub moving: Vec<bool>,
-    /// Number of the part of each splat, from 1 without gaps, `[N]`; 0 for splats of no part.
+    /// Part of each splat, numbered from 1 without gaps, `[N]`; 0 for splats without a part.
     pub parts: Vec<u32>,
 }
 
@@ -21,11 +21,11 @@ pub struct Resources {
     pub motion: Option<Motion>,
     /// Flags of the splats in masks, `[N]` each ([`crate::lift_masks`]).
     pub masks: BTreeMap<String, Vec<bool>>,
-    /// Ranges of rows, ends included ([`crate::parse_ids`]).
+    /// Ranges of rows of the input, from 0, both ends included ([`crate::parse_ids`]).
     pub ids: BTreeMap<String, Vec<(u64, u64)>>,
-    /// Pictures, three or four channels, 0 to 1; a fourth is coverage.
+    /// Pictures with three or four channels, 0 to 1; the fourth is coverage.
     pub images: BTreeMap<String, Image>,
-    /// Splats to graft, any SH degree.
+    /// Splats to graft, of any SH degree, in the frames of their files.
     pub splats: BTreeMap<String, Splats>,
 }
 

@@ -7,6 +7,7 @@ use crate::selector::Selector;
 
 /// One step.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Step {
     /// Selects the splats that the following actions change.
     Select(Selector),
@@ -22,8 +23,8 @@ pub struct Script {
 }
 
 impl Script {
-    /// Reads options of the command line: names without dashes, and their arguments (empty if they
-    /// have none). `select` takes an expression, the others are [`crate::ACTION_OPTIONS`].
+    /// Parses options of the command line: pairs of a name without dashes and its argument (empty
+    /// if there is none). `select` takes an expression, the others are [`crate::ACTION_OPTIONS`].
     ///
     /// # Errors
     /// At the first option that is unknown or malformed.
@@ -86,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn needs_are_collected_from_every_depth() {
+    fn names_of_resources_are_collected_at_every_depth() {
         let script = Script::parse([
             ("select", "!(mask a | grow 1 (ids b & connected 0,0,0 of part 2))"),
             ("match-colors", "c.png"),
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn modifiers_follow_their_action() {
+    fn modifiers_without_their_action_are_errors() {
         for options in
             [vec![("sliced", "")], vec![("match-colors", "a"), ("delete", ""), ("sliced", "")]]
         {

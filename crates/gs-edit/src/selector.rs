@@ -2,6 +2,7 @@
 
 /// A scalar property of a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SplatProperty {
     /// Opacity, 0 to 1.
     Opacity,
@@ -26,7 +27,7 @@ pub enum SplatProperty {
 }
 
 impl SplatProperty {
-    /// All fields with their names in the language.
+    /// All properties with their names in the language.
     pub const ALL: [(&'static str, Self); 10] = [
         ("opacity", Self::Opacity),
         ("size", Self::Size),
@@ -51,7 +52,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Whether `value` lies inside; NaN does not.
+    /// Whether `value` is inside; false for NaN.
     pub fn contain(&self, value: f64) -> bool {
         let above = self.low.is_none_or(|(low, closed)| value > low || (closed && value == low));
         let below =
@@ -63,6 +64,7 @@ impl Bounds {
 /// A selection of splats. Lengths are world units in the frame of the file; colours are base
 /// colours, `½ + C₀·dc` clamped to 0 to 1. `docs/EDITING.md` has the language.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Selector {
     /// Every splat.
     All,
@@ -77,10 +79,10 @@ pub enum Selector {
     Sphere {
         /// Centre.
         center: [f64; 3],
-        /// Radius, at least 0.
+        /// Radius, world units, at least 0.
         radius: f64,
     },
-    /// Centres on the side of a plane that its normal points to: `n·x ≥ offset`, `|n| = 1`.
+    /// Centres on the side of a plane to which its normal points: `n·x ≥ offset`, `|n| = 1`.
     Plane {
         /// Unit normal.
         normal: [f64; 3],
@@ -93,11 +95,11 @@ pub enum Selector {
     Color {
         /// Colour, RGB, 0 to 1.
         rgb: [f64; 3],
-        /// Largest distance, at most `√3`.
+        /// Maximum distance in RGB, 0 to √3.
         tolerance: f64,
     },
     /// Hues from `from` to `to` in increasing direction, degrees 0 to 360, across 360 if
-    /// `from > to`. Greys have none.
+    /// `from > to`. Greys have no hue and are not selected.
     Hue {
         /// First hue.
         from: f64,
@@ -115,7 +117,8 @@ pub enum Selector {
     Connected {
         /// The point.
         point: [f64; 3],
-        /// Largest gap; default: three times the median distance of nearest neighbours.
+        /// Maximum gap, world units; default: three times the median distance of nearest
+        /// neighbours.
         gap: Option<f64>,
         /// Only splats of this selection are linked; default: all.
         of: Option<Box<Self>>,
@@ -128,7 +131,7 @@ pub enum Selector {
     Grow(f64, Box<Self>),
     /// A selection without its splats at most this distance from one outside it.
     Shrink(f64, Box<Self>),
-    /// All other splats.
+    /// Splats that are not in a selection.
     Not(Box<Self>),
     /// Intersection of two or more.
     And(Vec<Self>),

@@ -6,11 +6,11 @@ use gs_core::{Splats, nearest_rank};
 /// Statistics of a selection. Lengths are world units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// Splats of the selection.
+    /// Number of selected splats.
     pub selected: usize,
-    /// All splats.
+    /// Number of all splats.
     pub total: usize,
-    /// Lower and upper corner of the centres; `None` for an empty selection.
+    /// Lower and upper corner of the bounding box of the centres; `None` for an empty selection.
     pub bounds: Option<([f64; 3], [f64; 3])>,
     /// Mean of the centres.
     pub center: [f64; 3],
@@ -18,7 +18,7 @@ pub struct Summary {
     pub opacity: [f64; 3],
     /// The same percentiles of the largest standard deviations, world units.
     pub size: [f64; 3],
-    /// Mean base colour, weighted by area; 0 to 1 where displayable.
+    /// Mean base colour, RGB, weighted by area; displayable colours are 0 to 1.
     pub color: [f64; 3],
     /// Its hue, degrees; `None` for grey.
     pub hue: Option<f64>,

@@ -13,7 +13,7 @@ const NOISE_VARIANCE: f64 = 0.25 / (255.0 * 255.0);
 /// distribution becomes two colours to within 0.1 for 95 % of its splats (the test below).
 const FRAMES: usize = 32;
 
-/// Seed of the frames.
+/// Random seed of the frames.
 const SEED: u64 = 7;
 
 /// The optimal map between normal distributions with these moments (squared Euclidean cost):
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn sliced_transport_reaches_what_is_not_normal() {
+    fn sliced_transport_reaches_two_colours() {
         let source = cloud([0.5; 3], [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], 3);
         // Two colours.
         let target: Vec<_> = (0..500)
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn one_colour_is_moved_and_not_stretched() {
+    fn a_single_colour_is_moved_without_stretching() {
         let flat = ColorStats { mean: [0.2; 3], covariance: [[0.0; 3]; 3] };
         let target =
             stats(&cloud([0.6; 3], [[0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.2]], 4));

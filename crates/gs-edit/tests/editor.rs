@@ -132,7 +132,7 @@ fn a_selection_and_its_inverse_partition_the_splats() {
 }
 
 #[test]
-fn set_operations_are_those_of_sets() {
+fn set_operations_agree_with_their_definitions() {
     let splats = ball(500, 2);
     let resources = resources(&splats);
     let origins: Vec<Option<u32>> = (0..500).map(Some).collect();
@@ -149,7 +149,7 @@ fn set_operations_are_those_of_sets() {
 }
 
 #[test]
-fn recoloured_renders_are_renders_recoloured() {
+fn maps_of_splats_equal_maps_of_renders() {
     let splats = ball(600, 3);
     let (before, alpha) = render(&splats);
     let maps = [
@@ -176,7 +176,7 @@ fn recoloured_renders_are_renders_recoloured() {
 }
 
 #[test]
-fn colours_given_keep_the_shading() {
+fn the_color_action_keeps_the_shading() {
     let splats = ball(600, 4);
     let red = edited(&splats, &[("color", "#c22")]).unwrap();
     for row in 0..splats.len() {
@@ -192,7 +192,7 @@ fn colours_given_keep_the_shading() {
 }
 
 #[test]
-fn every_operation_has_an_inverse() {
+fn inverse_operations_restore_the_splats() {
     let splats = ball(600, 5);
     for (there, back) in [
         (vec![("translate", "1,-2,.5")], vec![("translate", "-1,2,-.5")]),
@@ -223,7 +223,7 @@ fn every_operation_has_an_inverse() {
 }
 
 #[test]
-fn rotations_rotate_harmonics() {
+fn rotations_include_the_harmonics() {
     // Rotated as a whole, the scene looks the same from a rotated camera.
     let splats = ball(400, 6);
     let turned = edited(&splats, &[("rotate", "20,-35,50@0,0,0")]).unwrap();
@@ -246,7 +246,7 @@ fn rotations_rotate_harmonics() {
 }
 
 #[test]
-fn what_is_not_selected_keeps_its_bits_and_order() {
+fn unselected_splats_keep_their_bits_and_order() {
     let splats = ball(400, 7);
     let options = [
         ("select", "x>.2"),
@@ -359,7 +359,7 @@ fn styles_change_the_selection_by_their_strength() {
 }
 
 #[test]
-fn grafts_come_last_and_are_selected() {
+fn grafts_are_appended_and_selected() {
     let (splats, graft) = (ball(100, 10), ball(20, 11).with_sh_degree(1));
     let mut resources = resources(&splats);
     resources.splats.insert("hat.ply".to_owned(), graft.clone());
@@ -385,7 +385,7 @@ fn grafts_come_last_and_are_selected() {
 }
 
 #[test]
-fn errors_leave_everything_as_it_was() {
+fn errors_leave_the_splats_unchanged() {
     let splats = ball(50, 12);
     for options in [
         vec![("select", "x>9"), ("hue", "20")],
@@ -449,7 +449,7 @@ fn hostile_splats_are_edited_without_a_panic() {
             ("hue", "20"),
             ("duplicate", ""),
         ] {
-            // Non-finite values are refused or kept, and never spread to other splats.
+            // Non-finite values are rejected or kept, and never spread to other splats.
             if let Ok(found) =
                 edited_with(&splats, &[("select", expression), (option, argument)], &resources)
             {
@@ -462,7 +462,7 @@ fn hostile_splats_are_edited_without_a_panic() {
 
 proptest! {
     #[test]
-    fn any_text_is_read_or_refused(text in "[a-z0-9 .,<>&|!()~#:@\"-]{0,60}") {
+    fn any_text_is_parsed_or_rejected(text in "[a-z0-9 .,<>&|!()~#:@\"-]{0,60}") {
         if let Err(error) = Selector::parse(&text) {
             prop_assert!(error.column >= 1 && error.column <= text.chars().count() + 1, "{}", error);
         }
@@ -474,7 +474,7 @@ proptest! {
     }
 
     #[test]
-    fn words_in_any_order_are_read_or_refused(
+    fn words_in_any_order_are_parsed_or_rejected(
         words in proptest::collection::vec(
             prop_oneof![
                 Just("all"), Just("&"), Just("|"), Just("!"), Just("("), Just(")"), Just("moving"),

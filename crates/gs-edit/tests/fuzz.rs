@@ -5,8 +5,7 @@ use rand::{RngExt, SeedableRng};
 
 extern crate self as libfuzzer_sys;
 
-/// Replaces the fuzzer's macro, which turns its argument into a program, by one that makes a
-/// function.
+/// Replaces the fuzzer's macro, which makes a program of its argument, by one that makes a function.
 #[macro_export]
 macro_rules! fuzz_target {
     (|$bytes:ident: &[u8]| $body:block) => {
@@ -43,7 +42,7 @@ const SEEDS: [&str; 18] = [
 const CHANGES: usize = 2000;
 
 #[test]
-fn typed_and_changed_texts_are_read_or_refused() {
+fn typical_and_mutated_texts_are_parsed_or_rejected() {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
     for seed in SEEDS {
         edit_options::run(seed.as_bytes());

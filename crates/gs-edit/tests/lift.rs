@@ -33,7 +33,7 @@ fn left_half() -> Image {
 }
 
 #[test]
-fn a_mask_selects_what_it_shows() {
+fn a_mask_selects_the_splats_visible_in_it() {
     let splats = walls();
     let views = [(view(0.0), left_half())];
     let found = lift_masks(&CpuRasterizer::default(), &splats, &views, &|_| {}).unwrap();
@@ -52,12 +52,12 @@ fn a_mask_selects_what_it_shows() {
 }
 
 #[test]
-fn views_vote_and_sizes_are_checked() {
+fn views_are_combined_and_sizes_are_checked() {
     let splats = walls();
     let black = Image::zeros(120, 120, 1);
     let views = [(view(0.0), left_half()), (view(0.2), black.clone()), (view(-0.2), black)];
     let found = lift_masks(&CpuRasterizer::default(), &splats, &views, &|_| {}).unwrap();
-    assert!(found[..400].iter().all(|&f| !f), "two of three views say no");
+    assert!(found[..400].iter().all(|&f| !f), "outside the mask in two of three views");
     let wrong = [(view(0.0), Image::zeros(60, 120, 1))];
     let error = lift_masks(&CpuRasterizer::default(), &splats, &wrong, &|_| {}).unwrap_err();
     assert!(matches!(error, EditError::Raster(_)), "{error}");

@@ -3,9 +3,9 @@
 /// Number of stored differences. Fewer need more sweeps (4: up to half as many more); each costs
 /// two vectors of memory.
 const DEPTH: usize = 12;
-/// Longest step in any coordinate (logarithm of a scaling).
+/// Maximum step of any coordinate (logarithm of a scaling).
 const MAX_STEP: f64 = 3.0;
-/// Growth of the residual over the best one at which the history is discarded.
+/// Ratio of the residual to the best one at which the history is discarded.
 const RESTART_GROWTH: f64 = 5.0;
 
 /// History of iterates and residuals.
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn identity_map_stays_put() {
+    fn the_identity_map_gives_no_step() {
         let mut x = vec![1.0, 2.0];
         let mut anderson = Anderson::new();
         for _ in 0..4 {

@@ -7,7 +7,7 @@ use crate::{UotError, UotOutput, UotProblem};
 /// Entries of a column within this relative distance of the largest are ties.
 const TIE: f64 = 1e-9;
 
-/// Row id of a column without (further) candidates.
+/// Row id that stands for no row, for columns without (further) candidates.
 pub const NO_ROW: u32 = u32::MAX;
 
 /// The best row of every column; all arrays are `[m]`.
@@ -18,16 +18,16 @@ pub struct Correspondence {
     pub rows: Vec<u32>,
     /// Number of rows within a relative 1e-9 of the largest entry.
     pub tie_counts: Vec<u32>,
-    /// `1 − second/first` of the column's entries; 1 when there is one row only.
+    /// `1 − second/first` of the column's entries; 1 if there is only one row.
     pub margins: Vec<f64>,
     /// Share of the column's mass above the constant background of unrelated pairs, in [0, 1]; 1
-    /// where costs are sparse. Depends strongly on λ0: compare it within one result, do not
-    /// threshold it with a fixed number.
+    /// where costs are sparse. Depends strongly on λ0: compare values of one result only; a fixed
+    /// threshold is not meaningful.
     pub near_share: Vec<f64>,
     /// `far_cost − D` of the best row: for a Welsch cost the weight w in [0, 1], negligible beyond
-    /// the cutoff. Use it to decide whether a column has a match: `w_best > 0.02` means that the
-    /// match is closer than 2.8 β. Transported mass does not show this: even an unrelated column
-    /// keeps `exp(−1/(λ0+λ2))` of its mass.
+    /// the cutoff. It shows whether a column has a match: `w_best > 0.02` means that the match is
+    /// closer than 2.8 β. Transported mass does not show this: even an unrelated column keeps
+    /// `exp(−1/(λ0+λ2))` of its mass.
     pub w_best: Vec<f64>,
 }
 
@@ -42,7 +42,7 @@ pub struct TopRow {
     pub weight: f64,
 }
 
-/// Rows by decreasing factor, for the rows that a column does not list.
+/// Rows by decreasing factor, for rows that a column does not list.
 struct Ranking<'l> {
     logs: &'l LogFactors,
     rows: Vec<u32>,
@@ -63,7 +63,7 @@ impl<'l> Ranking<'l> {
     }
 
     /// `(row, ln P without the column factor, w)` of the `k` best rows, best first, ties by row;
-    /// then any further rows that tie with the best are counted. At least two rows are ranked where
+    /// then any further rows that tie with the best are counted. At least two rows are ranked if
     /// the column has two.
     fn best(&self, entries: &[(u32, f64)], k: usize) -> Best {
         let mut top: Vec<Ranked> = Vec::with_capacity(k + 1);
@@ -146,8 +146,8 @@ struct Best {
     lowest: Ranked,
 }
 
-/// Inserts into a list of at most `k`, best first; returns false if the entry does not belong in
-/// it.
+/// Inserts into a list of at most `k`, best first; returns false if the entry is worse than all of
+/// them.
 fn insert(top: &mut Vec<Ranked>, k: usize, new: Ranked) -> bool {
     let better = |old: &Ranked| old.log > new.log || (old.log >= new.log && old.row < new.row);
     if top.len() == k && better(&top[k - 1]) {
@@ -163,7 +163,7 @@ impl UotOutput {
     /// Best row of every column, with measures of its quality.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size.
+    /// [`UotError::Mismatch`] for a problem of a different size.
     pub fn correspondence(&self, problem: &UotProblem<'_>) -> Result<Correspondence, UotError> {
         self.check(problem)?;
         let logs = self.log_factors(problem);
@@ -198,7 +198,8 @@ impl UotOutput {
     /// row.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::BadParam`] for `k = 0`.
+    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::BadParam`] for
+    /// `k = 0`.
     pub fn top_rows(&self, problem: &UotProblem<'_>, k: usize) -> Result<Vec<TopRow>, UotError> {
         self.check(problem)?;
         if k == 0 {

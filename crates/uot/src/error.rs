@@ -19,9 +19,9 @@ pub enum UotError {
         what: &'static str,
         /// Flat index into the array (for points: the point id).
         index: usize,
-        /// The offending value.
+        /// Its value.
         value: f64,
-        /// The accepted range in words.
+        /// Description of the accepted range.
         expected: &'static str,
     },
     /// An array does not have the length that the other inputs imply.
@@ -37,29 +37,29 @@ pub enum UotError {
     /// A parameter is outside its range.
     #[error("parameter {name} = {value}: expected {expected}")]
     BadParam {
-        /// Field name.
+        /// Name of the field.
         name: &'static str,
-        /// Given value.
+        /// Its value.
         value: f64,
-        /// The accepted range in words.
+        /// Description of the accepted range.
         expected: &'static str,
     },
     /// `lambda_ent` is too small for the kernel that this problem uses.
     #[error(
-        "lambda_ent = {lambda_ent} is below {minimum}, the least value for a {kernel}: use {instead}"
+        "lambda_ent = {lambda_ent} is below {minimum}, the minimum for a {kernel}: use {instead}"
     )]
     LambdaTooSmall {
-        /// Given weight.
+        /// Its value.
         lambda_ent: f64,
-        /// Least weight that kernel can represent.
+        /// Minimum value that the kernel can represent.
         minimum: f64,
-        /// Kernel in words.
+        /// Description of the kernel.
         kernel: &'static str,
-        /// Alternative.
+        /// Function or option to use instead.
         instead: &'static str,
     },
-    /// The reference measure cannot be reached by a global factor because the marginals are not
-    /// uniform.
+    /// The plan for this reference does not follow from that of `Kl` by a global factor, because
+    /// the marginals are not uniform.
     #[error(
         "entropy reference {reference:?} is defined for uniform marginals only: use EntropyReference::Kl"
     )]
@@ -67,8 +67,8 @@ pub enum UotError {
         /// Requested reference.
         reference: crate::EntropyReference,
     },
-    /// The reference measure cannot be reached by a global factor because pairs with no counterpart
-    /// have a fixed cost.
+    /// The plan for this reference does not follow from that of `Kl` by a global factor, because
+    /// mass without counterpart has a fixed cost.
     #[error(
         "entropy reference {reference:?} cannot be combined with unmatched costs: use EntropyReference::Kl"
     )]
@@ -76,9 +76,9 @@ pub enum UotError {
         /// Requested reference.
         reference: crate::EntropyReference,
     },
-    /// Both marginals are to be enforced, but their sums differ.
+    /// Both marginals are enforced, but their sums differ.
     #[error(
-        "both marginals are enforced (infinite lambda), but a sums to {sum_a} and b to {sum_b}: scale one, or give a side a finite lambda"
+        "both marginals are enforced (infinite lambda), but a sums to {sum_a} and b to {sum_b}: scale one, or use a finite lambda for a side"
     )]
     UnequalMasses {
         /// Sum of the row weights.
@@ -86,14 +86,14 @@ pub enum UotError {
         /// Sum of the column weights.
         sum_b: f64,
     },
-    /// A marginal is to be enforced where no pair can carry mass.
+    /// A marginal is enforced at a row or column without pairs that can carry mass.
     #[error(
-        "{side} {index} has weight but no candidate, and its marginal is enforced: give it a candidate, an unmatched cost, or a finite lambda"
+        "{side} {index} has weight but no candidate, and its marginal is enforced: add a candidate, an unmatched cost, or use a finite lambda"
     )]
     Infeasible {
         /// `"row"` or `"column"`.
         side: &'static str,
-        /// Its id.
+        /// Id of the row or column.
         index: usize,
     },
     /// A result that is not available for a structured cost.
@@ -101,7 +101,7 @@ pub enum UotError {
     NotListed {
         /// Requested result.
         what: &'static str,
-        /// Alternative.
+        /// Function or option to use instead.
         instead: &'static str,
     },
     /// An array would exceed the stated limit of elements.
@@ -114,7 +114,7 @@ pub enum UotError {
         /// Limit in elements.
         limit: usize,
     },
-    /// An output is used with a problem of another size.
+    /// An output is used with a problem of a different size.
     #[error("the output is for {output_rows}x{output_cols}, the problem is {rows}x{cols}")]
     Mismatch {
         /// Rows of the output.

@@ -15,7 +15,7 @@
 //!
 //! # Three ways to state the cost
 //!
-//! * [`UotProblem::from_cost`]: any finite matrix. Runs in the log domain where exponentials would
+//! * [`UotProblem::from_cost`]: any finite matrix. Uses the log domain if exponentials would
 //!   underflow.
 //! * [`UotProblem::from_csr`]: costs of candidate pairs; all other pairs are excluded. The result
 //!   is read with [`UotOutput::col_posterior`].
@@ -36,8 +36,8 @@
 //! ```
 //!
 //! An infinite λ1 or λ2 enforces that marginal exactly (balanced, semi-relaxed). Rows and columns
-//! may stay unmatched at a cost of their own ([`UotProblem::with_unmatched_cols`]).
-//! [`Sinkhorn::solve_from`] starts from the potentials of another problem.
+//! may stay unmatched at a given cost ([`UotProblem::with_unmatched_cols`]).
+//! [`Sinkhorn::solve_from`] starts from the potentials of a similar problem.
 //!
 //! # Guarantees
 //!

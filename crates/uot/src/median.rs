@@ -1,4 +1,4 @@
-//! Median of all pair distances between two clouds, exact without storing them.
+//! Exact median of all pair distances between two clouds, without storing them.
 //!
 //! A random sample brackets the median; one pass over the tree then counts the pairs below the
 //! bracket and collects those inside. Boxes entirely on one side are counted without visiting their
@@ -18,15 +18,15 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Pairs up to which [`MedianMode::Auto`] is exact.
+/// Maximum number of pairs for which [`MedianMode::Auto`] is exact.
 pub const MAX_EXACT_PAIRS: usize = 20_000_000_000;
-/// Pairs that [`MedianMode::Auto`] draws above the limit: rank error 1.35e-3.
+/// Number of pairs that [`MedianMode::Auto`] draws above the limit: rank error 1.35e-3.
 const AUTO_SAMPLES: usize = 4_000_000;
 /// Probability that the true rank error exceeds the stated one.
 const FAILURE: f64 = 1e-6;
 /// Maximum number of squared distances stored at once (16 MiB).
 const MAX_COLLECTED: usize = 1 << 21;
-/// Leaves of a box that is searched point by point.
+/// Maximum number of leaves of a box that is searched point by point.
 const GROUP_LEAVES: u32 = 8;
 
 /// Median distance between two clouds.
@@ -35,17 +35,18 @@ pub struct MedianDistance {
     /// The median; for an even number of pairs the mean of the two middle distances. Unit of the
     /// points.
     pub value: f64,
-    /// The lower of the two middle distances (equal to the middle one for an odd number of pairs).
+    /// The lower of the two middle distances, unit of the points; for an odd number of pairs the
+    /// middle one.
     pub lower: f64,
     /// Whether all pairs were ranked.
     pub exact: bool,
     /// Bound on `|rank/pairs − 1/2|` that holds with probability 1 − 10⁻⁶; zero when exact.
     pub rank_error: f64,
-    /// Pairs ranked: n·m when exact, else the number drawn.
+    /// Number of pairs ranked: n·m if exact, else the number drawn.
     pub pairs: usize,
 }
 
-/// Median of the `n·m` distances between `rows` and `cols`.
+/// Median of the `n·m` distances between `rows` `[n, D]` and `cols` `[m, D]`, unit of the points.
 ///
 /// # Errors
 /// [`UotError`] when a cloud is empty or has a coordinate that is not finite or beyond 1e150 in
@@ -185,15 +186,15 @@ fn select(rows: &PointTree, cols: &PointTree, low: usize, high: usize) -> (f64, 
             let point = |rank: f64| {
                 floor.0 + (rank / between as f64).clamp(0.0, 1.0) * (ceiling.0 - floor.0)
             };
-            let (least, most) = (point(at - width as f64), point(at + width as f64));
-            ((least, most.min(ceiling.0)), 2 * width)
+            let (from, to) = (point(at - width as f64), point(at + width as f64));
+            ((from, to.min(ceiling.0)), 2 * width)
         };
         bisect = !bisect;
     }
 }
 
 /// Quantiles of a sample, 2.5 standard deviations either side of its median, and the pairs expected
-/// between them; everything for small problems.
+/// between them; the whole range for small problems.
 fn first_bracket(rows: &PointTree, cols: &PointTree, total: usize) -> ((f64, f64), usize) {
     if total <= MAX_COLLECTED / 8 {
         return ((0.0, f64::MAX), total);
@@ -301,7 +302,12 @@ fn scan_group(
             part.below += below;
             part.inside += inside;
             if let Some(values) = part.values.as_mut().filter(|_| inside > 0) {
-                let found = pick(&squares[..node.num_leaves as usize * LANES], from, to, &mut hits);
+                let found = select_inside(
+                    &squares[..node.num_leaves as usize * LANES],
+                    from,
+                    to,
+                    &mut hits,
+                );
                 values.extend_from_slice(&hits[..found]);
             }
         }
@@ -314,7 +320,7 @@ fn scan_group(
     }
 }
 
-/// Least and greatest squared distance between a point and a box.
+/// Minimum and maximum squared distance between a point and a box.
 fn point_distances(point: &[f64], bounds: &[[f64; 2]]) -> (f64, f64) {
     let (mut near, mut far) = (0.0, 0.0);
     for (x, bound) in point.iter().zip(bounds) {
@@ -369,7 +375,7 @@ fn count(
     clippy::needless_bitwise_bool,
     reason = "a branch here would be mispredicted half the time"
 )]
-fn pick(squares: &[f64], from: f64, to: f64, hits: &mut [f64; GROUP_POINTS]) -> usize {
+fn select_inside(squares: &[f64], from: f64, to: f64, hits: &mut [f64; GROUP_POINTS]) -> usize {
     let mut found = 0;
     for &value in squares {
         hits[found % GROUP_POINTS] = value;

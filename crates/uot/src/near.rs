@@ -1,4 +1,4 @@
-//! Geometry of the near field: which pairs interact, and their Welsch weights, one 8×8 block at a
+//! Geometry of the near field: the interacting pairs and their Welsch weights, one 8×8 block at a
 //! time.
 #![expect(
     clippy::inline_always,
@@ -78,8 +78,8 @@ impl<'a> NearField<'a> {
     }
 
     /// Exponents `r²/(2β²) + extra` of a block, infinite for padding. True when any pair is within
-    /// the cutoff: only then does the block belong to the near field, with all its pairs (the far
-    /// ones among them cost nothing more).
+    /// the cutoff: only then does the block belong to the near field, with all its pairs (far ones
+    /// included, at no additional cost).
     #[inline(always)]
     pub(crate) fn exponents(&self, row_leaf: usize, col_leaf: usize, out: &mut Block) -> bool {
         *out = [[0.0; LANES]; LANES];

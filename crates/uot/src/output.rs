@@ -19,15 +19,16 @@ pub struct UotOutput {
     pub f: Vec<f64>,
     /// Column potentials, cost units, `[m]`.
     pub g: Vec<f64>,
-    /// `P1`, `[n]`.
+    /// Row sums of the plan `P1`, unit of the weights, `[n]`.
     pub row_mass: Vec<f64>,
-    /// `Pᵀ1`, `[m]`.
+    /// Column sums of the plan `Pᵀ1`, unit of the weights, `[m]`.
     pub col_mass: Vec<f64>,
-    /// Mass without counterpart, `[n]`; empty without [`UotProblem::with_unmatched_rows`].
+    /// Mass of rows without counterpart, `[n]`; empty without [`UotProblem::with_unmatched_rows`].
     pub unmatched_row_mass: Vec<f64>,
-    /// Mass without counterpart, `[m]`; empty without [`UotProblem::with_unmatched_cols`].
+    /// Mass of columns without counterpart, `[m]`; empty without
+    /// [`UotProblem::with_unmatched_cols`].
     pub unmatched_col_mass: Vec<f64>,
-    /// Sum of the plan: transported mass, in the unit of the weights.
+    /// Sum of the plan: transported mass, unit of the weights.
     pub total_mass: f64,
     /// Value of the objective for the chosen reference, cost units.
     pub objective: f64,
@@ -130,8 +131,8 @@ impl UotOutput {
     /// The whole plan, `[n, m]` row-major.
     ///
     /// # Errors
-    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of another
-    /// size.
+    /// [`UotError::TooLarge`] above 2e8 entries, [`UotError::Mismatch`] for a problem of a
+    /// different size.
     pub fn plan(&self, problem: &UotProblem<'_>) -> Result<Vec<f64>, UotError> {
         self.check(problem)?;
         let (n, m) = (problem.num_rows(), problem.num_cols());
@@ -150,8 +151,8 @@ impl UotOutput {
     /// Column `j` of the plan, `[n]`.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::BadParam`] when `j` is not
-    /// a column.
+    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::BadParam`] when `j` is
+    /// not a column.
     pub fn plan_column(&self, problem: &UotProblem<'_>, j: usize) -> Result<Vec<f64>, UotError> {
         self.check(problem)?;
         if j >= problem.num_cols() {
@@ -164,7 +165,7 @@ impl UotOutput {
     /// `⟨D, P⟩`, cost units. One pass over the near pairs.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size.
+    /// [`UotError::Mismatch`] for a problem of a different size.
     pub fn transport_cost(&self, problem: &UotProblem<'_>) -> Result<f64, UotError> {
         self.check(problem)?;
         let logs = self.log_factors(problem);
@@ -227,7 +228,7 @@ pub(crate) struct LogFactors {
     pub(crate) rows: Vec<f64>,
     pub(crate) cols: Vec<f64>,
     pub(crate) inverse: f64,
-    /// Whether pairs that are not listed have zero mass.
+    /// Whether unlisted pairs have zero mass.
     pub(crate) complete: bool,
 }
 

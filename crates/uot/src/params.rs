@@ -3,8 +3,9 @@
 use crate::UotError;
 use crate::entropy_reference::EntropyReference;
 
-/// Acceleration of the fixed-point sweeps. Every choice converges to the same plan.
+/// Acceleration of the fixed-point sweeps. All converge to the same plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Acceleration {
     /// Anderson mixing; over-relaxation for structured costs with `lambda_ent < 0.05`. Switches to
     /// the other if one stalls.
@@ -24,13 +25,14 @@ pub enum Acceleration {
 /// Without it, a small λ0 needs of the order of (largest cost)/λ0 sweeps; with it, a few per
 /// halving of the weight. Applies to explicit and sparse costs; the structured Welsch cost is
 /// bounded and does not need it. If both marginals are enforced and costs are a thousand λ0 or
-/// more, the problem is nearly a linear programme, and the last digits converge slowly.
+/// more, the problem is nearly a linear programme, and convergence to a small tolerance is slow.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub enum EpsilonScaling {
     /// From a tenth of the range of the costs, by factors of four, where that range exceeds 50 λ0.
     #[default]
     Auto,
-    /// The requested weight from the start.
+    /// No scaling: the requested weight from the start.
     Off,
     /// A sequence given by the caller.
     From {
@@ -55,7 +57,7 @@ pub struct SinkhornParams {
     /// Reference measure of the entropy term. Default [`EntropyReference::Kl`].
     pub reference: EntropyReference,
     /// Sweeps stop once no potential moves by `tol · lambda_ent` or more. Default 1e-9; 1e-5 is
-    /// enough for correspondences.
+    /// sufficient for correspondences.
     pub tol: f64,
     /// Sweeps after which the solver stops and reports `converged = false`. Default 20 000.
     pub max_sweeps: usize,
@@ -125,15 +127,17 @@ impl SinkhornParams {
 
 /// Width β of the Welsch cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Bandwidth {
-    /// `β = γ · d_med` with γ given here and `d_med` the median of all pair distances.
+    /// `β = γ · d_med`, with this γ and the median `d_med` of all pair distances.
     MedianTimes(f64),
-    /// β itself, in the unit of the points.
+    /// This β, unit of the points.
     Fixed(f64),
 }
 
 /// Method for the median pair distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum MedianMode {
     /// Exact up to [`crate::MAX_EXACT_PAIRS`] pairs, sampled above (4 million pairs, seed 0).
     #[default]
@@ -142,15 +146,16 @@ pub enum MedianMode {
     Exact,
     /// Median of `pairs` pairs drawn with replacement.
     Sampled {
-        /// Pairs to draw, at least 1.
+        /// Number of pairs to draw, at least 1.
         pairs: usize,
-        /// Seed of the generator.
+        /// Random seed.
         seed: u64,
     },
 }
 
 /// Number format of the stored near field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Storage {
     /// 8 bytes per entry.
     #[default]
@@ -164,9 +169,9 @@ pub enum Storage {
 pub struct WelschParams {
     /// Width of the cost. Default `MedianTimes(0.05)`.
     pub bandwidth: Bandwidth,
-    /// Distance in β beyond which a pair may be given cost 1 (its weight w is below
-    /// `exp(−cutoff²/2)`). Default 6: potentials are accurate to 2e-9. For correspondences 4 is
-    /// enough; 8 equals the dense problem.
+    /// Distance, in units of β, beyond which the cost of a pair may be rounded to 1 (its weight w
+    /// is below `exp(−cutoff²/2)`). Default 6: potentials are accurate to 2e-9. 4 is sufficient for
+    /// correspondences; 8 equals the dense problem.
     pub cutoff: f64,
     /// Method for the median. Default [`MedianMode::Auto`].
     pub median: MedianMode,

@@ -3,7 +3,7 @@
 use crate::problem::Cost;
 use crate::{UotError, UotOutput, UotProblem};
 
-/// Distribution of the weight of each column, in compressed form: entries of column j are
+/// Distribution of each column's weight over the rows, as a sparse matrix: entries of column j are
 /// `starts[j]..starts[j + 1]`.
 ///
 /// Shares are `P_ij / max(b_j, mass_j)`, where `mass_j` includes the unmatched mass: shares and
@@ -16,10 +16,10 @@ pub struct Posterior {
     pub starts: Vec<usize>,
     /// Row ids, ascending in each column, `[nnz]`.
     pub ids: Vec<u32>,
-    /// Share of the column's weight transported there, in [0, 1], `[nnz]`.
+    /// Share of the column's weight that is transported to the row, 0 to 1, `[nnz]`.
     pub shares: Vec<f64>,
-    /// Share that is not transported, in [0, 1], `[m]`: unmatched, or lost because the marginal
-    /// is relaxed.
+    /// Share of the column's weight that is not transported, 0 to 1, `[m]`: unmatched, or lost
+    /// because the marginal is relaxed.
     pub unmatched: Vec<f64>,
 }
 
@@ -39,7 +39,7 @@ impl UotOutput {
     /// `[nnz]`; for an explicit matrix as [`Self::plan`].
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a
+    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::NotListed`] for a
     /// structured one.
     pub fn plan_entries(&self, problem: &UotProblem<'_>) -> Result<Vec<f64>, UotError> {
         match &problem.cost {
@@ -63,7 +63,7 @@ impl UotOutput {
     /// For each column, the distribution of its weight over the rows.
     ///
     /// # Errors
-    /// [`UotError::Mismatch`] for a problem of another size, [`UotError::NotListed`] for a
+    /// [`UotError::Mismatch`] for a problem of a different size, [`UotError::NotListed`] for a
     /// structured one.
     pub fn col_posterior(&self, problem: &UotProblem<'_>) -> Result<Posterior, UotError> {
         self.check(problem)?;

@@ -24,7 +24,7 @@ pub struct UotProblem<'a> {
     scale: Option<WelschScale>,
 }
 
-/// Costs of staying unmatched, where that is allowed: one per row, one per column.
+/// Costs of staying unmatched, one per row and one per column, for sides on which it is allowed.
 #[derive(Debug, Default)]
 pub(crate) struct Unmatched {
     pub(crate) rows: Option<Vec<f64>>,
@@ -35,7 +35,7 @@ pub(crate) struct Unmatched {
 pub(crate) enum Cost<'a> {
     Dense {
         values: Vec<f64>,
-        least: f64,
+        smallest: f64,
         largest: f64,
         /// Cost of an unrelated pair: 1 for a Welsch cost, else the largest entry.
         far: f64,
@@ -111,8 +111,9 @@ impl UotProblem<'static> {
         Self::dense(cost, n, m, Some(1.0), Some(scale))
     }
 
-    /// The Welsch cost between two clouds, never stored: pairs beyond `cutoff · β` cost exactly 1,
-    /// the others are stored sparsely. Memory is proportional to the number of near pairs.
+    /// The Welsch cost between two clouds `rows` `[n, D]` and `cols` `[m, D]`, without storing the
+    /// matrix: pairs beyond `cutoff · β` cost exactly 1, the others are stored sparsely. Memory is
+    /// proportional to the number of near pairs.
     ///
     /// Degenerate clouds are valid: one point on a side, coincident and duplicate points, and
     /// clouds that do not overlap all give a problem whose plan is the exact one for the cost above
@@ -144,9 +145,9 @@ impl UotProblem<'static> {
             let (value, expected) = (values[index], "finite costs");
             return Err(UotError::BadValue { what: "cost", index, value, expected });
         }
-        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let smallest = values.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let cost = Cost::Dense { values, least, largest, far: far.unwrap_or(largest) };
+        let cost = Cost::Dense { values, smallest, largest, far: far.unwrap_or(largest) };
         Ok(Self::of(n, m, cost, scale))
     }
 }
@@ -210,7 +211,7 @@ impl<'a> UotProblem<'a> {
     /// Allows columns to stay unmatched: mass `N_j` without a counterpart, at `costs[j]` per unit.
     /// Adds `Σ_j c_j N_j + λ0 KL(N ‖ b)` to the objective and `N` to the column sums that are
     /// compared with `b`. With λ2 = ∞ the column's weight is distributed over its rows and
-    /// "none": the posterior of a mixture with an outlier class.
+    /// "unmatched": the posterior of a mixture with an outlier class.
     ///
     /// # Errors
     /// [`UotError::BadLength`], [`UotError::BadValue`] for a cost that is not finite.
@@ -255,8 +256,8 @@ impl<'a> UotProblem<'a> {
         self.scale
     }
 
-    /// The cost matrix of a dense problem, `[n, m]` row-major; `None` for structured and sparse
-    /// costs.
+    /// The cost matrix of a dense problem, cost units, `[n, m]` row-major; `None` for structured
+    /// and sparse costs.
     pub fn cost_matrix(&self) -> Option<&[f64]> {
         match &self.cost {
             Cost::Dense { values, .. } => Some(values),
@@ -273,9 +274,9 @@ impl<'a> UotProblem<'a> {
         }
     }
 
-    /// Calls `visit(column, entries)` for every column and returns the results in column order.
-    /// `entries` are `(row, far_cost − D)` of the near rows, in an order that depends on the points
-    /// only.
+    /// Calls `visit(column, entries)` for every column; returns the results in the order of
+    /// columns. `entries` are `(row, far_cost − D)` of the near rows, in an order that depends on
+    /// the points only.
     pub(crate) fn map_columns<R: Send>(
         &self,
         visit: impl Fn(usize, &[(u32, f64)]) -> R + Sync,

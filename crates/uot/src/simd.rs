@@ -1,4 +1,4 @@
-//! The few numeric loops that every kernel shares, written so that the compiler vectorises them.
+//! Numeric loops shared by the kernels, written for vectorisation by the compiler.
 //!
 //! `mul_add` is used throughout: it is exact by definition, so results do not depend on the
 //! instruction set that [`pulp::Arch`] picks at run time.
@@ -15,10 +15,10 @@ pub(crate) type Lane = [f64; LANES];
 /// Runs `body` compiled for the best instruction set of this machine. Mark the closure
 /// `#[inline(always)]`, and every function it calls that should be vectorised too.
 ///
-/// Takes `FnMut`: calling a closure by value goes through a shim of its own that is not inlined,
-/// which would leave the body outside the dispatched function.
+/// Takes `FnMut`: a call of a closure by value goes through a shim that is not inlined, so that the
+/// body would be outside the dispatched function.
 ///
-/// `dispatch` in `amg/src/simd.rs` is its twin.
+/// The same function is in `amg/src/simd.rs`.
 pub(crate) fn dispatch<R>(body: impl FnMut() -> R) -> R {
     struct Body<F>(F);
     impl<R, F: FnMut() -> R> pulp::WithSimd for Body<F> {

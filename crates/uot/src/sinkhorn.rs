@@ -11,14 +11,15 @@ use crate::{
     EntropyReference, EpsilonScaling, SinkhornParams, Storage, UotError, UotOutput, UotProblem,
 };
 
-/// Least λ0 of the structured kernel with f64 storage: `exp(±3/λ0)` must be finite.
+/// Minimum λ0 of the structured kernel with f64 storage: `exp(±3/λ0)` must be finite.
 const MIN_LAMBDA_F64: f64 = 0.005;
-/// Least λ0 with f32 storage: `exp(−1/λ0)` must be a normal f32 with room to spare.
+/// Minimum λ0 with f32 storage: `exp(−1/λ0)` must be a normal f32, with a margin.
 const MIN_LAMBDA_F32: f64 = 0.02;
 
 /// Range of the costs, in λ0, above which [`EpsilonScaling::Auto`] starts with larger weights.
 const SCALED_ABOVE: f64 = 50.0;
-/// Tolerance and sweeps of the weights before the last: their solutions are only starting points.
+/// Tolerance and maximum number of sweeps for all weights but the last: their solutions are only
+/// starting points.
 const COARSE_TOL: f64 = 1e-2;
 const COARSE_SWEEPS: usize = 100;
 /// Largest relative difference of the sums of two marginals that are both enforced.
@@ -61,11 +62,11 @@ impl Sinkhorn {
     /// [`Self::solve`], started from column potentials `g` `[m]`, cost units: those of a similar
     /// problem ([`UotOutput::g`]), of any λ. Row potentials follow from them in the first
     /// half-sweep. The result is that of a cold start up to the tolerance, usually in fewer sweeps;
-    /// ε-scaling is left out.
+    /// ε-scaling is skipped.
     ///
     /// # Errors
     /// As [`Self::solve`], and [`UotError::BadLength`] or [`UotError::BadValue`] for potentials of
-    /// another length or not finite.
+    /// a different length or that are not finite.
     pub fn solve_from(&self, problem: &UotProblem<'_>, g: &[f64]) -> Result<UotOutput, UotError> {
         let expected = problem.num_cols();
         if g.len() != expected {
@@ -82,23 +83,23 @@ impl Sinkhorn {
         let params = self.params;
         let marginals = self.marginals(problem)?;
         match &problem.cost {
-            Cost::Dense { values, least, largest, .. } => {
+            Cost::Dense { values, smallest, largest, .. } => {
                 let m = problem.num_cols();
                 let kernel = |lambda_ent: f64| -> Box<dyn Kernel + '_> {
-                    if (largest - least) / lambda_ent <= MAX_SCALED_RANGE {
-                        Box::new(DenseKernel::new(values, m, *least, lambda_ent))
+                    if (largest - smallest) / lambda_ent <= MAX_SCALED_RANGE {
+                        Box::new(DenseKernel::new(values, m, *smallest, lambda_ent))
                     } else {
                         Box::new(LogDenseKernel::new(values, m, lambda_ent))
                     }
                 };
-                let weights = self.weights(*least, *largest, g.is_some())?;
+                let weights = self.weights(*smallest, *largest, g.is_some())?;
                 Ok(self.descend(problem, marginals, &weights, g, values.len(), kernel))
             }
             Cost::Sparse(cost) => {
                 let kernel = |lambda_ent: f64| -> Box<dyn Kernel + '_> {
                     Box::new(SparseKernel::new(cost, lambda_ent))
                 };
-                let weights = self.weights(cost.least, cost.largest, g.is_some())?;
+                let weights = self.weights(cost.smallest, cost.largest, g.is_some())?;
                 Ok(self.descend(problem, marginals, &weights, g, cost.values.len(), kernel))
             }
             Cost::Near { field, storage } => {
@@ -127,13 +128,13 @@ impl Sinkhorn {
     }
 
     /// Sequence of entropy weights, the requested one last.
-    fn weights(&self, least: f64, largest: f64, warm: bool) -> Result<Vec<f64>, UotError> {
+    fn weights(&self, smallest: f64, largest: f64, warm: bool) -> Result<Vec<f64>, UotError> {
         let target = self.params.lambda_ent;
-        if least.abs().max(largest.abs()) / target > 1e300 {
+        if smallest.abs().max(largest.abs()) / target > 1e300 {
             let expected = "at least 1e-300 times the largest cost";
             return Err(UotError::BadParam { name: "lambda_ent", value: target, expected });
         }
-        let range = largest - least;
+        let range = largest - smallest;
         let (mut weight, decay) = match self.params.epsilon_scaling {
             _ if warm => (target, 0.5),
             EpsilonScaling::Auto if range > SCALED_ABOVE * target => (0.1 * range, 0.25),

@@ -18,7 +18,7 @@ pub(crate) struct SparseCost {
     pub(crate) rows: Vec<u32>,
     /// Position in `values` of each entry by column.
     pub(crate) positions: Vec<u32>,
-    pub(crate) least: f64,
+    pub(crate) smallest: f64,
     pub(crate) largest: f64,
 }
 
@@ -46,7 +46,7 @@ impl SparseCost {
             return Err(UotError::TooLarge { what, needed, limit: MAX_ENTRIES });
         }
         if let Some(index) = values.iter().position(|d| !d.is_finite()) {
-            let expected = "a finite cost (leave a pair out to exclude it)";
+            let expected = "a finite cost (omit a pair to exclude it)";
             return Err(UotError::BadValue {
                 what: "costs",
                 index,
@@ -71,7 +71,7 @@ impl SparseCost {
         for i in 0..row_starts.len() - 1 {
             for at in row_starts[i]..row_starts[i + 1] {
                 let slot = &mut next[cols[at] as usize];
-                // rows are visited in order, so a repeated pair follows itself
+                // rows are visited in order, so repeated pairs are adjacent
                 if *slot > col_starts[cols[at] as usize] && rows[*slot - 1] as usize == i {
                     let (value, expected) =
                         (f64::from(cols[at]), "each column at most once in a row");
@@ -82,9 +82,9 @@ impl SparseCost {
                 *slot += 1;
             }
         }
-        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let smallest = values.iter().copied().fold(f64::INFINITY, f64::min);
         let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Ok(Self { row_starts, cols, values, col_starts, rows, positions, least, largest })
+        Ok(Self { row_starts, cols, values, col_starts, rows, positions, smallest, largest })
     }
 
     pub(crate) fn num_rows(&self) -> usize {
@@ -118,7 +118,7 @@ fn check_starts(starts: &[usize], entries: usize) -> Result<(), UotError> {
         return Err(UotError::Empty { side: "row" });
     }
     if starts[0] != 0 {
-        return bad(0, "0 in front");
+        return bad(0, "0 at the start");
     }
     if let Some(i) = starts.windows(2).position(|pair| pair[0] > pair[1]) {
         return bad(i + 1, "values that do not decrease");

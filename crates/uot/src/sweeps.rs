@@ -4,16 +4,16 @@ use crate::anderson::Anderson;
 use crate::kernel::Kernel;
 use crate::{Acceleration, SinkhornParams};
 
-/// Plain sweeps before any acceleration starts: the first ones settle the overall level.
+/// Number of plain sweeps before any acceleration: the first sweeps determine the overall level.
 const WARM_UP: usize = 2;
-/// Plain sweeps after an acceleration has stalled, to leave its cycle.
+/// Number of plain sweeps after an acceleration has stalled, to leave its cycle.
 const RECOVERY: usize = 10;
-/// Sweeps without a better residual after which an acceleration is changed.
+/// Number of sweeps without a better residual after which the acceleration is changed.
 const PATIENCE: usize = 30;
 /// Smallest λ0 for which [`Acceleration::Auto`] begins with Anderson mixing on a structured cost,
 /// whose range is 1.
 const ANDERSON_LAMBDA: f64 = 0.05;
-/// Largest over-relaxation. Enforced marginals have no contraction bound from which to derive it.
+/// Maximum over-relaxation, for enforced marginals, which have no contraction bound.
 const MAX_OMEGA: f64 = 1.95;
 
 /// Logarithms of the marginals, and of `e^(−c/λ0)` for sides that may have no counterpart; in the
@@ -43,7 +43,7 @@ pub(crate) struct Scalings {
 pub(crate) struct Sweeps<'k> {
     kernel: &'k mut dyn Kernel,
     sides: Sides,
-    /// Whether the costs were given one by one, in any unit.
+    /// Whether the costs are explicit, in any unit.
     explicit: bool,
     params: SinkhornParams,
     phi_a: f64,
@@ -161,7 +161,7 @@ impl<'k> Sweeps<'k> {
     }
 
     fn over_relaxed(&mut self, omega: f64) -> bool {
-        let mut watch = Watch::new();
+        let mut watch = StallDetector::new();
         while self.left() > 0 {
             let residual = self.sweep(omega);
             if self.record(residual) {
@@ -175,7 +175,7 @@ impl<'k> Sweeps<'k> {
     }
 
     fn anderson(&mut self) -> bool {
-        let mut watch = Watch::new();
+        let mut watch = StallDetector::new();
         let mut mixing = Anderson::new();
         let mut iterate = self.log_v.clone();
         while self.left() > 0 {
@@ -185,7 +185,7 @@ impl<'k> Sweeps<'k> {
             self.log_v.iter_mut().for_each(|v| *v -= shift);
             let residual = largest_difference(&self.log_v, &iterate).max(shift.abs());
             if self.record(residual) {
-                // the unshifted side is the one that fits log_u
+                // the unshifted side is consistent with log_u
                 self.log_v.iter_mut().for_each(|v| *v += shift);
                 return true;
             }
@@ -204,8 +204,8 @@ impl<'k> Sweeps<'k> {
     fn translation(&self) -> f64 {
         let SinkhornParams { lambda_ent, lambda_a, lambda_b, .. } = self.params;
         let Sides { log_a, log_b, unmatched_a, unmatched_b } = &self.sides;
-        let held = lambda_a.is_infinite() && lambda_b.is_infinite();
-        if held || unmatched_a.is_some() || unmatched_b.is_some() {
+        let both_enforced = lambda_a.is_infinite() && lambda_b.is_infinite();
+        if both_enforced || unmatched_a.is_some() || unmatched_b.is_some() {
             return 0.0;
         }
         let row = log_sum_exp(log_a, &self.log_u, -lambda_ent / lambda_a);
@@ -213,7 +213,7 @@ impl<'k> Sweeps<'k> {
         (lambda_ent * (lambda_a.recip() + lambda_b.recip())).recip() * (row - col)
     }
 
-    /// One more product, so that the row masses too are those of the returned scalings.
+    /// One more product, so that the row masses also belong to the returned scalings.
     fn finish(mut self, converged: bool) -> Scalings {
         self.update_kv();
         Scalings {
@@ -229,7 +229,7 @@ impl<'k> Sweeps<'k> {
 }
 
 /// `x ← x + ω(−φ·k − x)`; returns the largest `|−φ·k − x|`. NaN counts as infinite. A row or column
-/// that nothing can be sent to gets 0.
+/// without possible mass gets 0.
 fn relax(x: &mut [f64], log_k: &[f64], unmatched: Option<&[f64]>, phi: f64, omega: f64) -> f64 {
     let mut worst = 0.0_f64;
     for (i, (x, &k)) in x.iter_mut().zip(log_k).enumerate() {
@@ -263,12 +263,12 @@ fn log_sum_exp(weights: &[f64], values: &[f64], factor: f64) -> f64 {
 }
 
 /// Detects that the best residual has not improved for a while.
-struct Watch {
+struct StallDetector {
     best: f64,
     since: usize,
 }
 
-impl Watch {
+impl StallDetector {
     fn new() -> Self {
         Self { best: f64::INFINITY, since: 0 }
     }

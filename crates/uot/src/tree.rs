@@ -1,4 +1,4 @@
-//! Points in an order where neighbours in memory are neighbours in space.
+//! Points in an order in which neighbours in memory are neighbours in space.
 //!
 //! A balanced k-d tree whose leaves have exactly [`LANES`] points (the last one may have fewer),
 //! stored as one array per axis. Splits compare coordinates only, so the order does not depend on
@@ -112,7 +112,7 @@ impl PointTree {
     }
 }
 
-/// Least and greatest squared distance between two boxes.
+/// Minimum and maximum squared distance between two boxes.
 pub(crate) fn box_distances(a: &[[f64; 2]], b: &[[f64; 2]]) -> (f64, f64) {
     let (mut near, mut far) = (0.0, 0.0);
     for (x, y) in a.iter().zip(b) {
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_once_and_inside_its_boxes() {
+    fn every_point_occurs_once_and_inside_its_boxes() {
         for n in [1, 7, 8, 9, 17, 64, 65, 1000] {
             let points = cloud(n);
             let tree = PointTree::new(&points);

@@ -1,5 +1,5 @@
-//! The goldens of `fixtures/uot` (80-bit arithmetic, stationary to 1e-15) are met by the dense and
-//! the structured solver, in values and in the number of products.
+//! The goldens of `fixtures/uot` (80-bit arithmetic, stationary to 1e-15) are reproduced by the
+//! dense and the structured solver, in values and in the number of products.
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, helpers included")]
 
 use test_support::compare::{assert_close, max_abs_diff};
@@ -170,7 +170,7 @@ const DENSE: Limits =
     Limits { potential: 1e-11, mass: 1e-10, plan: 1e-10, objective: 1e-12, margin: 1e-9 };
 
 #[test]
-fn dense_solver() {
+fn the_dense_solver_agrees_with_the_goldens() {
     for_each_case(|case| {
         let (src, edit) = (case.points("src"), case.points("edit"));
         let params = WelschParams {
@@ -198,7 +198,7 @@ fn dense_solver() {
 }
 
 #[test]
-fn every_acceleration_meets_the_same_plan() {
+fn every_acceleration_converges_to_the_same_plan() {
     for_each_case(|case| {
         let (src, edit) = (case.points("src"), case.points("edit"));
         let bandwidth = Bandwidth::MedianTimes(case.gamma());
@@ -229,7 +229,7 @@ fn every_acceleration_meets_the_same_plan() {
 }
 
 #[test]
-fn structured_solver() {
+fn the_structured_solver_agrees_with_the_goldens() {
     for (cutoff, storage, limits) in [
         (
             8.0,
@@ -259,7 +259,7 @@ fn structured_solver() {
 }
 
 #[test]
-fn mass_for_the_other_references() {
+fn masses_for_the_other_references_agree_with_the_goldens() {
     for_each_case(|case| {
         let (src, edit) = (case.points("src"), case.points("edit"));
         let bandwidth = Bandwidth::MedianTimes(case.gamma());
@@ -315,7 +315,7 @@ fn first_order(problem: &UotProblem<'_>, plan: &[f64], params: &SinkhornParams) 
 }
 
 #[test]
-fn iteration_ceilings() {
+fn numbers_of_sweeps_are_within_limits() {
     let golden = Golden::open(fixture("uot/anchors.safetensors"));
     let (src, edit) = (points(&golden, "anchors/src"), points(&golden, "anchors/edit"));
     let gamma = golden.f64s("anchors/geom")[0];
@@ -353,7 +353,7 @@ fn iteration_ceilings() {
 }
 
 #[test]
-fn negative_control_wrong_weights_are_noticed() {
+fn wrong_weights_are_detected() {
     let golden = Golden::open(fixture("uot/mid.safetensors"));
     let (src, edit) = (points(&golden, "mid/src"), points(&golden, "mid/edit"));
     let bandwidth = Bandwidth::MedianTimes(0.15);

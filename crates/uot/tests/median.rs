@@ -29,7 +29,7 @@ fn cloud<const D: usize>(n: usize, seed: u64) -> Vec<[f64; D]> {
 }
 
 #[test]
-fn small_clouds_of_every_parity() {
+fn medians_of_small_clouds_of_every_parity() {
     for n in 1..12 {
         for m in 1..12 {
             check(&format!("{n}x{m}"), &cloud::<3>(n, n as u64), &cloud::<3>(m, 100 + m as u64));
@@ -38,14 +38,14 @@ fn small_clouds_of_every_parity() {
 }
 
 #[test]
-fn bracket_and_collection() {
+fn medians_of_clouds_that_need_a_bracket() {
     check("smooth 3-D", &cloud::<3>(1500, 1), &cloud::<3>(1201, 2));
     check("smooth 1-D", &cloud::<1>(1500, 3), &cloud::<1>(1200, 4));
     check("smooth 5-D", &cloud::<5>(1100, 5), &cloud::<5>(900, 6));
 }
 
 #[test]
-fn ties_by_the_hundred_thousand() {
+fn medians_of_a_hundred_thousand_ties() {
     let lattice: Vec<[f64; 3]> = (0..2197)
         .map(|k| [f64::from(k % 13), f64::from(k / 13 % 13), f64::from(k / 169)])
         .collect();
@@ -59,7 +59,7 @@ fn ties_by_the_hundred_thousand() {
 }
 
 #[test]
-fn outliers_do_not_hurt() {
+fn medians_with_outliers() {
     let mut src = cloud::<3>(1300, 7);
     src[5] = [1e9, -1e9, 1e8];
     src[6] = [-1e140, 0.0, 0.0];

@@ -38,7 +38,7 @@ fn problem(golden: &Golden, sparse: bool, more: f64) -> UotProblem<'static> {
 }
 
 #[test]
-fn plans_agree() {
+fn plans_agree_with_pot() {
     let golden = Golden::open(fixture("uot/pot.safetensors"));
     let mut compared = 0;
     for (name, params, more, tol) in [
@@ -74,7 +74,10 @@ fn plans_agree() {
     // negative control
     let out = solve(&problem(&golden, false, 1.0), &weights(1.5, 0.71)).unwrap();
     let plan = out.plan(&problem(&golden, false, 1.0)).unwrap();
-    assert!(max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6, "another weight is detected");
+    assert!(
+        max_abs_diff(&plan, &golden.f64s("unbalanced")) > 1e-6,
+        "a different weight is detected"
+    );
 }
 
 #[test]
@@ -111,7 +114,7 @@ fn two_by_two(off_diagonal: f64, params: &SinkhornParams) -> (UotProblem<'static
 
 /// POT issue 711: small λ0 with large marginal weights; needs tens of thousands of plain sweeps.
 #[test]
-fn nearly_balanced_with_small_entropy_weight() {
+fn nearly_balanced_problems_with_a_small_entropy_weight_are_solved() {
     for epsilon_scaling in [EpsilonScaling::Auto, EpsilonScaling::Off] {
         let params = SinkhornParams {
             lambda_ent: 0.01,
@@ -129,7 +132,7 @@ fn nearly_balanced_with_small_entropy_weight() {
 
 /// POT issue 54: costs of half a million λ0.
 #[test]
-fn kernel_that_underflows() {
+fn kernels_that_underflow_are_solved() {
     let params = SinkhornParams { lambda_ent: 1e-4, ..Default::default() };
     let (problem, out) = two_by_two(50.0, &params);
     assert!(out.converged && out.sweeps < 1000, "{} {:?}", out.sweeps, out.residuals.last());

@@ -72,7 +72,7 @@ proptest! {
                 .sum();
             let expected = s.powf(lambda_ent / (lambda_ent + lambda_b)) / m as f64;
             prop_assert!((cols[j] - expected).abs() < 1e-9 * expected, "column {j}");
-            // no column keeps less than the share of an unrelated one
+            // every column keeps at least the share of an unrelated one
             let inlier = cols.iter().copied().fold(0.0, f64::max);
             let bound = (-1.0 / (lambda_ent + lambda_b)).exp();
             prop_assert!(cols[j] >= bound * inlier * (1.0 - 1e-9), "outlier bound, column {j}");
@@ -111,7 +111,7 @@ fn objective(plan: &[f64], cost: &[f64], n: usize, m: usize, params: &SinkhornPa
 }
 
 #[test]
-fn reference_forms_follow_the_shift_law() {
+fn plans_of_the_references_differ_by_the_documented_factor() {
     let (src, edit) = (sheet(70, 1), sheet(50, 2));
     let problem = UotProblem::welsch(&src, &edit, &welsch(0.1, 8.0)).unwrap();
     let params = weights(0.1, 1.0, 0.6);
@@ -171,7 +171,7 @@ fn tiny_lambda_stays_finite_and_dual_feasible() {
 }
 
 #[test]
-fn low_regularisation_finds_the_best_assignment() {
+fn a_small_entropy_weight_gives_the_best_assignment() {
     let mut rng = Pcg64Mcg::seed_from_u64(77);
     for _ in 0..5 {
         let cost: Vec<f64> = (0..36).map(|_| rng.random::<f64>()).collect();
@@ -211,7 +211,7 @@ fn best_assignment(cost: &[f64], n: usize) -> Vec<usize> {
 }
 
 #[test]
-fn both_dense_kernels_agree_where_they_meet() {
+fn both_dense_kernels_agree_at_the_switch() {
     let mut rng = Pcg64Mcg::seed_from_u64(9);
     let cost: Vec<f64> = (0..25 * 35).map(|_| rng.random::<f64>()).collect();
     let spread = |range: f64| {
@@ -301,7 +301,7 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
-fn plain_sweeps_never_get_worse() {
+fn plain_sweeps_decrease_the_objective() {
     let (src, edit) = (sheet(80, 40), sheet(70, 41));
     let problem = UotProblem::welsch(&src, &edit, &welsch(0.1, 6.0)).unwrap();
     let params = SinkhornParams { acceleration: Acceleration::Plain, ..weights(0.1, 1.0, 1.0) };
@@ -386,7 +386,7 @@ fn degenerate_clouds_have_defined_results() {
 }
 
 #[test]
-fn given_marginals_scale_as_repeated_points() {
+fn marginals_are_equivalent_to_repeated_points() {
     // weight 2 on a point equals two copies of the point
     let (src, edit) = (sheet(12, 60), sheet(9, 61));
     let mut doubled = src.clone();
@@ -416,7 +416,7 @@ fn given_marginals_scale_as_repeated_points() {
 }
 
 #[test]
-fn running_out_of_sweeps_is_data() {
+fn non_convergence_is_reported_in_the_output() {
     let (src, edit) = (sheet(30, 70), sheet(30, 71));
     let problem = UotProblem::welsch(&src, &edit, &welsch(0.1, 6.0)).unwrap();
     for max_sweeps in [1, 2, 5] {
@@ -429,7 +429,7 @@ fn running_out_of_sweeps_is_data() {
 }
 
 #[test]
-fn bad_input_is_an_error() {
+fn invalid_input_is_an_error() {
     let points = sheet(5, 80);
     let problem = UotProblem::welsch(&points, &points, &WelschParams::default()).unwrap();
     let check = |error: UotError, text: &str| {

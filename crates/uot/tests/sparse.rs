@@ -10,7 +10,7 @@ use uot::{
     WelschParams, solve,
 };
 
-const HELD: f64 = f64::INFINITY;
+const ENFORCED: f64 = f64::INFINITY;
 
 #[derive(Clone, Debug)]
 struct Pairs {
@@ -117,8 +117,8 @@ proptest! {
     ) {
         let pairs = Pairs::random(n, m, 2.0, 4.0, 2 * seed);
         let (a, b) = (marginal(n, seed), marginal(m, seed + 1));
-        let lambda_a = if hold & 1 > 0 { HELD } else { lambda_a };
-        let lambda_b = if hold & 2 > 0 { HELD } else { lambda_b };
+        let lambda_a = if hold & 1 > 0 { ENFORCED } else { lambda_a };
+        let lambda_b = if hold & 2 > 0 { ENFORCED } else { lambda_b };
         let params = weights(lambda_ent, lambda_a, lambda_b);
         let sparse = pairs.problem().with_marginals(a.clone(), b.clone()).unwrap();
         let dense = UotProblem::from_cost(pairs.costs.clone(), n, m).unwrap();
@@ -148,7 +148,7 @@ proptest! {
         if options & 2 > 0 {
             problem = problem.with_unmatched_cols(costs_b.clone()).unwrap();
         }
-        let lambda_b = if options & 4 > 0 { HELD } else { lambda_b };
+        let lambda_b = if options & 4 > 0 { ENFORCED } else { lambda_b };
         let params = weights(lambda_ent, lambda_a, lambda_b);
         let out = solve(&problem, &params).unwrap();
         prop_assert!(out.converged, "residual {:?} in {}", out.residuals.last(), out.sweeps);
@@ -176,7 +176,7 @@ proptest! {
         for j in 0..m {
             let total = cols[j] + free(j, out.g[j], b[j], &costs_b, &out.unmatched_col_mass);
             if lambda_b.is_infinite() {
-                prop_assert!((total / b[j] - 1.0).abs() < 1e-9, "column {j} is held");
+                prop_assert!((total / b[j] - 1.0).abs() < 1e-9, "column {j} is enforced");
             } else {
                 prop_assert!((out.g[j] + lambda_b * (total / b[j]).ln()).abs() < 1e-8, "column {j}");
             }
@@ -230,7 +230,7 @@ proptest! {
             }
         }
         // a warm start from its own potentials gives the same plan immediately; from those of
-        // another weight, also the same plan
+        // a different weight, also the same plan
         let solver = Sinkhorn::new(params).unwrap();
         let warm = solver.solve_from(&problem, &out.g).unwrap();
         prop_assert!(warm.converged && warm.sweeps <= 3, "{} sweeps", warm.sweeps);
@@ -242,11 +242,12 @@ proptest! {
 }
 
 #[test]
-fn mixture_with_an_outlier_class() {
-    // rows free, columns exact: every column is the softmax of its likelihoods, including "none"
+fn unmatched_columns_are_a_mixture_with_an_outlier_class() {
+    // rows free, columns exact: every column is the softmax of its likelihoods, including
+    // "unmatched"
     let pairs = Pairs::random(6, 40, 0.4, 3.0, 4);
     let problem = pairs.problem().with_unmatched_cols(vec![1.2; 40]).unwrap();
-    let out = solve(&problem, &weights(0.5, 1e-9, HELD)).unwrap();
+    let out = solve(&problem, &weights(0.5, 1e-9, ENFORCED)).unwrap();
     let posterior = out.col_posterior(&problem).unwrap();
     for j in 0..40 {
         let likelihood = |cost: f64| (-cost / 0.5).exp();
@@ -270,13 +271,13 @@ fn mixture_with_an_outlier_class() {
 }
 
 #[test]
-fn thread_counts_change_nothing() {
+fn results_are_bit_identical_for_any_number_of_threads() {
     let pairs = Pairs::random(700, 3000, 0.01, 8.0, 9);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let problem = pairs.problem().with_unmatched_cols(vec![4.0; 3000]).unwrap();
-            let out = solve(&problem, &weights(0.02, 1.0, HELD)).unwrap();
+            let out = solve(&problem, &weights(0.02, 1.0, ENFORCED)).unwrap();
             let posterior = out.col_posterior(&problem).unwrap();
             (out, posterior)
         })
@@ -290,7 +291,7 @@ fn thread_counts_change_nothing() {
 }
 
 #[test]
-fn lines_without_candidates_carry_nothing() {
+fn rows_and_columns_without_candidates_carry_no_mass() {
     // row 1 and column 2 have no pairs
     let problem =
         || UotProblem::from_csr(vec![0, 2, 2, 3], vec![0, 1, 1], vec![0.1, 0.4, 0.0], 3).unwrap();
@@ -304,30 +305,33 @@ fn lines_without_candidates_carry_nothing() {
     assert_eq!((top[1].row, top[1].share), (NO_ROW, 0.0), "column 0 has one candidate");
     let by_col = out.col_posterior(&problem()).unwrap();
     assert!(by_col.unmatched[2] == 1.0 && by_col.column(2).0.is_empty(), "{by_col:?}");
-    for (a, b, text) in [(HELD, 1.0, "row 1"), (1.0, HELD, "column 2")] {
+    for (a, b, text) in [(ENFORCED, 1.0, "row 1"), (1.0, ENFORCED, "column 2")] {
         let error = solve(&problem(), &weights(0.1, a, b)).unwrap_err();
         assert!(error.to_string().contains(text), "{error}");
     }
     // a point of weight 0 receives no mass, and a candidate of weight 0 gives none
     let (a, b) = (vec![0.5, 0.0, 0.5], vec![0.5, 0.5, 0.0]);
     let held = problem().with_marginals(a, b).unwrap();
-    assert!(solve(&held, &weights(0.1, HELD, HELD)).unwrap().converged, "row 1 has no mass");
+    assert!(
+        solve(&held, &weights(0.1, ENFORCED, ENFORCED)).unwrap().converged,
+        "row 1 has no mass"
+    );
     let starved = problem().with_marginals(vec![1.0; 3], vec![1.0, 0.0, 1.0]).unwrap();
     let out = solve(&starved, &weights(0.1, 1.0, 1.0)).unwrap();
     assert!(out.converged && out.row_mass[2] == 0.0, "row 2 can send to column 1 only");
     let free = problem().with_unmatched_rows(vec![0.3; 3]).unwrap();
-    let out = solve(&free, &weights(0.1, HELD, 1.0)).unwrap();
+    let out = solve(&free, &weights(0.1, ENFORCED, 1.0)).unwrap();
     assert!((out.unmatched_row_mass[1] - 1.0 / 3.0).abs() < 1e-12, "row 1 stays unmatched");
 }
 
 #[test]
-fn costs_of_any_size_are_solved() {
+fn costs_of_any_magnitude_are_solved() {
     // up to ten thousand λ0 between candidates
     for (scale, lambda_a, lambda_b) in [
         (1e4, 50.0, 1.0),
-        (1e4, 50.0, HELD),
-        (1e4, 1.0, HELD),
-        (20.0, HELD, HELD),
+        (1e4, 50.0, ENFORCED),
+        (1e4, 1.0, ENFORCED),
+        (20.0, ENFORCED, ENFORCED),
         (1e-6, 1.0, 1.0),
     ] {
         let pairs = Pairs::random(60, 60, 0.1, scale, 12);
@@ -374,8 +378,11 @@ fn bad_input_is_an_error() {
     check(solver.solve_from(&problem(), &[0.0]).unwrap_err(), "g has 1");
     check(solver.solve_from(&problem(), &[0.0, f64::NAN]).unwrap_err(), "g[1]");
     let unequal = problem().with_marginals(vec![1.0], vec![1.0, 1.0]).unwrap();
-    check(solve(&unequal, &weights(0.1, HELD, HELD)).unwrap_err(), "sums to 1 and b to 2");
-    assert!(solve(&unequal, &weights(0.1, HELD, 1.0)).unwrap().converged, "one side may give way");
+    check(solve(&unequal, &weights(0.1, ENFORCED, ENFORCED)).unwrap_err(), "sums to 1 and b to 2");
+    assert!(
+        solve(&unequal, &weights(0.1, ENFORCED, 1.0)).unwrap().converged,
+        "one side may give way"
+    );
     let free = problem().with_unmatched_cols(vec![1.0; 2]).unwrap();
     let params = SinkhornParams { reference: EntropyReference::Entropy, ..Default::default() };
     check(solve(&free, &params).unwrap_err(), "unmatched");

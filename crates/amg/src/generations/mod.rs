@@ -2,22 +2,22 @@
 //!
 //! Methods such as Spacetime Gaussians represent a surface by successive generations of splats.
 //! Splats are matched between neighbouring key times by transport ([`matching`]), from the edit
-//! time in both directions. This gives each splat a rest place, its position at the edit time
-//! ([`rest`]). A last transport between rest places gives the ancestors of each splat in the edit
+//! time in both directions. This gives each splat a rest position, its position at the edit time
+//! ([`rest`]). A last transport between rest positions gives each splat's ancestors in the edit
 //! frame.
 
-mod lives;
+mod lifetimes;
 mod matching;
-mod polish;
+mod refine_rest;
 mod rest;
 
-pub(crate) use lives::{Lives, PRESENT, Visibility};
+pub(crate) use lifetimes::{FOLLOW_PRESENCE, Lifetimes, OpacityRange};
 pub(crate) use matching::{FACING, NEIGHBORS};
 pub(crate) use rest::Rest;
 
 use crate::AmgError;
 use gs_core::{DynamicScene, Splats};
-use matching::{Point, matches};
+use matching::{MatchFeatures, matches};
 use rayon::prelude::*;
 use rest::{at_rest, point_of};
 
@@ -30,13 +30,13 @@ pub(crate) struct Ancestry {
     pub(crate) confidence: f32,
 }
 
-/// The source's splats, related to the splats of the edit frame.
+/// Lifetimes of the source's splats, and their relation to the splats of the edit frame.
 #[derive(Debug)]
 pub(crate) struct Generations {
-    pub(crate) lives: Lives,
-    /// Rest places, `[N]`; `None` for splats that no chain of matches reaches.
+    pub(crate) lifetimes: Lifetimes,
+    /// Rest positions, `[N]`; `None` for splats that no chain of matches reaches.
     pub(crate) rest: Vec<Option<Rest>>,
-    /// Thin axis of each splat at its rest place, `[N]`; its length is the flatness.
+    /// Thin axis of each splat at its rest position, `[N]`; its length is the flatness.
     axes: Vec<[f64; 3]>,
     /// Ancestors, `[N]`; empty for splats that are visible in the edit frame.
     pub(crate) ancestries: Vec<Ancestry>,
@@ -48,20 +48,21 @@ impl Generations {
         edit_time: f32,
         progress: &dyn Fn(f32),
     ) -> Result<Self, AmgError> {
-        let lives = Lives::of(source, edit_time, &|done| progress(0.3 * done))?;
-        let mut rest = rest::rest_places(source, &lives, &|done| progress(0.3 + 0.4 * done))?;
-        polish::polish(&lives, &mut rest);
-        let points = points_at_rest(source, &lives, &rest)?;
+        let lifetimes = Lifetimes::of(source, edit_time, &|done| progress(0.3 * done))?;
+        let mut rest =
+            rest::rest_positions(source, &lifetimes, &|done| progress(0.3 + 0.4 * done))?;
+        refine_rest::refine_rest(&lifetimes, &mut rest);
+        let points = points_at_rest(source, &lifetimes, &rest)?;
         progress(0.9);
-        let ancestries = ancestries(&lives, &rest, &points)?;
+        let ancestries = ancestries(&lifetimes, &rest, &points)?;
         let axes = points.iter().map(|point| point.map_or([0.0; 3], |point| point.axis)).collect();
         progress(1.0);
-        Ok(Self { lives, rest, axes, ancestries })
+        Ok(Self { lifetimes, rest, axes, ancestries })
     }
 
     /// Whether splat `i` is visible in the edit frame.
     pub(crate) fn is_shown(&self, i: usize) -> bool {
-        self.lives.is_visible(self.lives.edit, i)
+        self.lifetimes.is_visible(self.lifetimes.edit, i)
     }
 
     /// Thin axis of splat `i` at rest; its length is the flatness.
@@ -70,15 +71,15 @@ impl Generations {
     }
 }
 
-/// Splats at their rest places, with the size and colour that they have when they are matched.
+/// Splats at their rest positions, with their size and colour at the time when they were matched.
 fn points_at_rest(
     source: &dyn DynamicScene,
-    lives: &Lives,
+    lifetimes: &Lifetimes,
     rest: &[Option<Rest>],
-) -> Result<Vec<Option<Point>>, AmgError> {
+) -> Result<Vec<Option<MatchFeatures>>, AmgError> {
     let mut points = vec![None; rest.len()];
     let mut splats = Splats::default();
-    for (k, &t) in lives.times.iter().enumerate() {
+    for (k, &t) in lifetimes.times.iter().enumerate() {
         let joined: Vec<(usize, Rest)> = rest
             .iter()
             .enumerate()
@@ -89,26 +90,28 @@ fn points_at_rest(
         }
         source.at_into(t, &mut splats)?;
         for (i, rest) in joined {
-            let mass = f64::from(lives.visibility[i].peak) * lives.presence(k, i).max(1e-3);
-            points[i] = Some(Point { mass, ..at_rest(point_of(&splats, i), &rest) });
+            let mass =
+                f64::from(lifetimes.opacity_ranges[i].peak) * lifetimes.presence(k, i).max(1e-3);
+            points[i] = Some(MatchFeatures { mass, ..at_rest(point_of(&splats, i), &rest) });
         }
     }
     Ok(points)
 }
 
-/// Transport between rest places: from the splats visible in the edit frame to all others.
+/// Transport between rest positions: from the splats visible in the edit frame to all others.
 fn ancestries(
-    lives: &Lives,
+    lifetimes: &Lifetimes,
     rest: &[Option<Rest>],
-    points: &[Option<Point>],
+    points: &[Option<MatchFeatures>],
 ) -> Result<Vec<Ancestry>, AmgError> {
-    let pick = |ids: &[usize]| -> Vec<Point> { ids.iter().filter_map(|&i| points[i]).collect() };
+    let select =
+        |ids: &[usize]| -> Vec<MatchFeatures> { ids.iter().filter_map(|&i| points[i]).collect() };
     let (shown, others): (Vec<usize>, Vec<usize>) = (0..rest.len())
         .filter(|&i| points[i].is_some())
-        .partition(|&i| lives.is_visible(lives.edit, i));
-    let found = matches(&pick(&shown), &pick(&others))?;
+        .partition(|&i| lifetimes.is_visible(lifetimes.edit, i));
+    let found = matches(&select(&shown), &select(&others))?;
     let mut ancestries = vec![Ancestry::default(); rest.len()];
-    let lines: Vec<Ancestry> = others
+    let found: Vec<Ancestry> = others
         .par_iter()
         .zip(&found)
         .map(|(&i, found)| {
@@ -123,8 +126,8 @@ fn ancestries(
             Ancestry { of: of.collect(), confidence }
         })
         .collect();
-    for (&i, line) in others.iter().zip(lines) {
-        ancestries[i] = line;
+    for (&i, ancestry) in others.iter().zip(found) {
+        ancestries[i] = ancestry;
     }
     Ok(ancestries)
 }

@@ -1,4 +1,4 @@
-//! Edited splats that are source splats bit by bit.
+//! Edited splats that equal source splats bit for bit.
 
 use super::row::Identity;
 use super::tolerance::appearance_within;
@@ -15,9 +15,9 @@ enum Fields {
     Geometry,
 }
 
-/// Fills the entries of `rows` that are equal to source splats: first in all fields, so that each
-/// row is matched correctly if two source splats coincide, then in geometry. Rows with equal bits
-/// get equal source splats in order, the last one repeatedly.
+/// Fills the entries of `rows` that are equal to source splats: first in all fields, so that rows
+/// of coincident source splats are matched by colour, then in geometry. Rows with equal bits are
+/// paired with equal source splats in order, surplus rows with the last one.
 pub(super) fn match_by_bits(
     source: &Splats,
     edited: &Splats,
@@ -36,18 +36,18 @@ pub(super) fn match_by_bits(
     if open.is_empty() {
         return;
     }
-    // Source splats without a row come first.
+    // Source splats without a row are paired first.
     let (mut ids, matched): (Vec<u32>, Vec<u32>) =
         all.into_iter().partition(|&id| !used[id as usize]);
     ids.extend(matched);
     for_each_pair((source, &ids), (edited, &open), Fields::Geometry, |id, row| {
         let same = appearance_within(source, id as usize, edited, row as usize, tolerance);
-        rows[row as usize] = if same { Identity::Unchanged(id) } else { Identity::Recoloured(id) };
+        rows[row as usize] = if same { Identity::Unchanged(id) } else { Identity::Recolored(id) };
     });
 }
 
-/// Calls `each` with pairs of a splat of `a` and one of `b` that are equal in `fields`: the splats
-/// of `b` that equal each other get those of `a` in the order of its ids, the last one repeatedly.
+/// Calls `each` with pairs of a splat of `a` and one of `b` that are equal in `fields`: equal
+/// splats of `b` are paired with those of `a` in the order of ids, surplus ones with the last.
 fn for_each_pair(
     (a, a_ids): (&Splats, &[u32]),
     (b, b_ids): (&Splats, &[u32]),
@@ -77,7 +77,7 @@ fn for_each_pair(
     }
 }
 
-/// Hash and place in `ids` of each splat, in the order of (hash, fields, place).
+/// Hash and index in `ids` of each splat, in the order of (hash, fields, index).
 fn sorted(splats: &Splats, ids: &[u32], fields: Fields) -> Vec<(u64, u32)> {
     let mut entries: Vec<(u64, u32)> = ids
         .par_iter()
@@ -95,7 +95,7 @@ fn sorted(splats: &Splats, ids: &[u32], fields: Fields) -> Vec<(u64, u32)> {
     entries
 }
 
-/// Bits with one zero. NaN payloads are kept: equal bits are equal values in a file.
+/// Bits of a value, `−0` as `0`. NaN payloads are kept: equal bits are equal values in a file.
 fn bits(value: f32) -> u32 {
     if value == 0.0 { 0 } else { value.to_bits() }
 }
@@ -105,7 +105,8 @@ fn geometry(splats: &Splats, i: usize) -> impl Iterator<Item = u32> + '_ {
     values.map(|&value| bits(value))
 }
 
-/// Opacity and colour without trailing zero coefficients: a missing degree is one of zeros.
+/// Opacity and colour without trailing zero coefficients: a missing degree equals a degree of
+/// zeros.
 fn appearance(splats: &Splats, i: usize) -> impl Iterator<Item = u32> + '_ {
     let sh = splats.sh_of(i);
     let kept = sh.iter().rposition(|rgb| rgb.map(bits) != [0; 3]).map_or(0, |last| last + 1);

@@ -2,18 +2,18 @@
 //!
 //! Rows are paired with source splats by properties that a similarity does not change: proportions,
 //! opacity, base colour. Pairs of one group share one similarity. It is fitted to a few
-//! neighbouring pairs and kept if it explains more of them as the fit grows:
+//! neighbouring pairs, and kept if more pairs fit it as the group grows:
 //!
-//! 1. *Pairs*: for each open row, the source splats nearest in that signature, within rounding.
-//! 2. *Seeds*: rows in order of position. A pair proposes the similarity that its own rotation and
-//!    scales show, if neighbouring pairs agree, else the one that positions of its neighbours fit:
-//!    some tools leave rotations or scales of the splats as they were.
-//! 3. *Growth*: pairs within four radii of the group that fit join it, and the similarity is fitted
-//!    again.
+//! 1. *Pairs*: for each open row, the source splats with the nearest signatures, within rounding.
+//! 2. *Seeds*: rows in order of position. The rotations and scales of a pair define a candidate
+//!    similarity. If neighbouring pairs do not agree with it, the candidate is fitted to the
+//!    positions of the neighbours: some tools do not transform the splats' rotations or scales.
+//! 3. *Growth*: pairs within four radii of the group that fit are added, and the similarity is
+//!    fitted again.
 //! 4. *Border*: a selection that was moved has a sharp border. A smooth warp is nearly a similarity
-//!    in any small patch, but pairs around the patch miss the fit only slightly, and the larger the
-//!    tolerance, the more of them fit. Such a patch is not a group.
-//! 5. *Rest*: open rows whose place, size and orientation fit the similarity also belong to the
+//!    in any small patch, but the residuals of pairs around the patch exceed the limit only
+//!    slightly: a larger limit admits more pairs. Such a patch is not a group.
+//! 5. *Rest*: open rows whose position, size and orientation fit the similarity also belong to the
 //!    group, for any colours.
 
 use super::row::Identity;
@@ -26,38 +26,39 @@ use anchors::KdTree;
 use gs_core::{Precision, Splats, quat};
 use rayon::prelude::*;
 
-/// Minimum number of rows of a group: fewer fit a similarity by chance if files round coarsely.
+/// Minimum number of rows of a group: with coarse rounding, fewer rows fit a similarity by chance.
 const MIN_GROUP: usize = 8;
 /// Number of neighbouring rows considered around a seed.
 const NEIGHBORS: usize = 24;
 /// Minimum number of pairs, including the seed, that must agree on a similarity before it is tried.
 const MIN_AGREEING: usize = 5;
-/// Maximum number of groups. Each costs a pass over the open rows.
+/// Maximum number of groups. Each requires a pass over the open rows.
 const MAX_GROUPS: usize = 64;
-/// Maximum number of proposals that fail to grow before the search ends; real groups grow
+/// Maximum number of candidates that fail to grow before the search ends; real groups grow
 /// immediately.
 const MAX_FAILED: usize = 512;
 /// Number of seeds tried in parallel.
 const SEED_BLOCK: usize = 512;
-/// Radii of the group within which pairs may join.
+/// Distance within which pairs may join a group, in radii of the group.
 const REACH: f64 = 4.0;
-/// Rounds of growth; each reaches four times as far.
+/// Maximum rounds of growth; the reach grows fourfold with each.
 const ROUNDS: usize = 24;
-/// Limits of residuals: of coordinates (tools compute in single precision, text has seven digits),
-/// and of the splat's middle standard deviation.
+/// Residual limits: relative to coordinates (editors compute in single precision, text has seven
+/// digits), and to the splat's middle standard deviation.
 const ROUNDING: f64 = 4e-6;
 const OF_DEVIATION: f64 = 2e-3;
-/// Minimum width of a group, in residual limits: within a narrower one, any pairs fit.
+/// Minimum extent of a group, in residual limits: any pairs fit within a smaller one.
 const WIDTH: f64 = 12.0;
 /// Residual, in limits, up to which pairs are added to a group at the end: the limits are those of
-/// one splat, and the fit also has errors.
+/// single splats, and the fit also has errors.
 const EXPLAINED: f64 = 2.0;
-/// Residual, in limits, up to which pairs fit nearly. The misfit of a smooth warp grows with the
-/// square of the distance, so at least as many pairs fit nearly as fit (on a limb; three times as
-/// many on a surface). A selection that was moved has none, except at a joint with another. The
-/// threshold is half the number of pairs in the group.
-const NEARLY: f64 = 4.0 * EXPLAINED;
-const FRINGE: f64 = 0.5;
+/// Residual, in limits, below which a pair nearly fits. The residual of a smooth warp grows with
+/// the square of the distance, so that at least as many pairs nearly fit as fit (on a limb; three
+/// times as many on a surface). A moved selection has no such pairs, except at a joint with another
+/// selection.
+const NEAR_FIT: f64 = 4.0 * EXPLAINED;
+/// Maximum number of pairs that nearly fit, as a share of those in the group.
+const MAX_NEAR_FIT_SHARE: f64 = 0.5;
 /// Pairs within this many residual limits of a patch of a smooth warp are not used as seeds: they
 /// belong to the same warp.
 const SAME_WARP: f64 = 32.0 * EXPLAINED;
@@ -80,7 +81,7 @@ pub(super) fn find(
         if open.len() < MIN_GROUP || source.len() < MIN_GROUP || vague {
             break;
         }
-        let search = Search::of(source, edited, precision, tolerance, open, by);
+        let search = GroupSearch::of(source, edited, precision, tolerance, open, by);
         let mut found = search.groups();
         found.sort_by_key(|group| std::cmp::Reverse(group.pairs.len()));
         let first = similarities.len();
@@ -98,13 +99,13 @@ pub(super) fn find(
     similarities
 }
 
-struct Group {
+struct FoundGroup {
     similarity: Similarity,
     /// Position in `open`, source id.
     pairs: Vec<(usize, u32)>,
 }
 
-struct Search<'a> {
+struct GroupSearch<'a> {
     source: &'a Splats,
     edited: &'a Splats,
     precision: Option<&'a Precision>,
@@ -115,11 +116,11 @@ struct Search<'a> {
     places: Vec<[f64; 3]>,
     /// Residual limit of each open row, world units of the edit.
     limits: Vec<f64>,
-    /// Source splats with the signature of each, nearest first.
+    /// Source splats with the signature of each open row, nearest first.
     candidates: Vec<Vec<u32>>,
 }
 
-impl<'a> Search<'a> {
+impl<'a> GroupSearch<'a> {
     fn of(
         source: &'a Splats,
         edited: &'a Splats,
@@ -143,10 +144,10 @@ impl<'a> Search<'a> {
         Self { source, edited, precision, tolerance, open, places, limits, candidates }
     }
 
-    fn groups(&self) -> Vec<Group> {
+    fn groups(&self) -> Vec<FoundGroup> {
         let paired: Vec<usize> =
             (0..self.open.len()).filter(|&at| !self.candidates[at].is_empty()).collect();
-        let mut found: Vec<Group> = Vec::new();
+        let mut found: Vec<FoundGroup> = Vec::new();
         if paired.len() < MIN_GROUP {
             return found;
         }
@@ -179,7 +180,7 @@ impl<'a> Search<'a> {
                 // Ties go to the first: proper similarities are proposed before mirrored ones.
                 let best = grown.reduce(|a, b| if b.pairs.len() > a.pairs.len() { b } else { a });
                 let Some(group) = best.filter(|group| {
-                    let ends = self.ends(group, &taken);
+                    let ends = self.has_sharp_border(group, &taken);
                     if !ends {
                         let warped = self.explained(&group.similarity, SAME_WARP, &taken);
                         for &(at, _) in &warped {
@@ -204,7 +205,7 @@ impl<'a> Search<'a> {
         found
     }
 
-    /// Similarities that a few pairs around the seed agree on.
+    /// Candidate similarities on which a few pairs around the seed agree.
     fn propose(&self, seed: usize, around: &[usize]) -> Vec<Similarity> {
         for &id in &self.candidates[seed] {
             let own = self.own_similarity(seed, id as usize);
@@ -226,7 +227,7 @@ impl<'a> Search<'a> {
         self.propose_by_position(seed, around)
     }
 
-    /// As `propose`, from positions only: for tools that mirror, or do not change the splats'
+    /// As `propose`, from positions only: for editors that mirror, or do not transform the splats'
     /// rotations or scales.
     fn propose_by_position(&self, seed: usize, around: &[usize]) -> Vec<Similarity> {
         let alike = self.equally_scaled(seed, around);
@@ -247,8 +248,8 @@ impl<'a> Search<'a> {
         [false, true].into_iter().filter_map(trimmed).collect()
     }
 
-    /// The seed and the largest set of pairs around it whose distances from it have changed by the
-    /// same factor.
+    /// The seed, and the largest set of pairs around it whose distances from it changed by the same
+    /// factor.
     fn equally_scaled(&self, seed: usize, around: &[usize]) -> Vec<(usize, u32)> {
         let first = self.candidates[seed][0];
         let from = |id: u32| self.source.means[id as usize].map(f64::from);
@@ -278,7 +279,7 @@ impl<'a> Search<'a> {
     }
 
     /// Adds pairs as long as they fit the similarity.
-    fn grow(&self, seed: usize, start: &Similarity, taken: &[bool]) -> Option<Group> {
+    fn grow(&self, seed: usize, start: &Similarity, taken: &[bool]) -> Option<FoundGroup> {
         let mut similarity = *start;
         let (mut centre, mut radius) = (self.places[seed], 0.0);
         let mut pairs: Vec<(usize, u32)> = Vec::new();
@@ -294,7 +295,7 @@ impl<'a> Search<'a> {
                     if aside > reach {
                         return None;
                     }
-                    // The error of a fit is that of its points, relative to their spread.
+                    // The error of a fit is the error of its points, relative to their extent.
                     let lever = if radius > 0.0 { aside / radius } else { 1.0 };
                     let limit =
                         self.limits[at] * (1.0 + lever / (pairs.len().max(4) as f64).sqrt());
@@ -312,10 +313,10 @@ impl<'a> Search<'a> {
             similarity = Similarity::fit(&self.points(&pairs), start.mirrored)?;
             (centre, radius) = self.spread(&pairs);
         }
-        // All pairs at once, at any distance from the group.
+        // Finally all pairs, at any distance from the group.
         let pairs = self.explained(&similarity, EXPLAINED, taken);
         let similarity = self.fitted(&pairs, start.mirrored)?;
-        (pairs.len() >= MIN_GROUP).then_some(Group { similarity, pairs })
+        (pairs.len() >= MIN_GROUP).then_some(FoundGroup { similarity, pairs })
     }
 
     /// Free pairs that fit the similarity within `limits` residual limits.
@@ -331,13 +332,13 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Whether hardly any pairs fit nearly: see [`NEARLY`].
-    fn ends(&self, group: &Group, taken: &[bool]) -> bool {
-        let nearly = self.explained(&group.similarity, NEARLY, taken).len();
-        nearly as f64 <= (1.0 + FRINGE) * group.pairs.len() as f64
+    /// Whether few pairs nearly fit, as at the border of a moved selection: see [`NEAR_FIT`].
+    fn has_sharp_border(&self, group: &FoundGroup, taken: &[bool]) -> bool {
+        let nearly = self.explained(&group.similarity, NEAR_FIT, taken).len();
+        nearly as f64 <= (1.0 + MAX_NEAR_FIT_SHARE) * group.pairs.len() as f64
     }
 
-    /// The similarity of pairs, if they are far enough apart to determine it.
+    /// Similarity fitted to pairs; `None` if they are too close to each other to determine it.
     fn fitted(&self, pairs: &[(usize, u32)], mirrored: bool) -> Option<Similarity> {
         let (_, radius) = self.spread(pairs);
         let limit = pairs.iter().map(|&(at, _)| self.limits[at]).fold(0.0, f64::max);
@@ -388,12 +389,12 @@ impl<'a> Search<'a> {
         };
         let scale = ((grown(0) + grown(1) + grown(2)) / 3.0).exp();
         let found = Similarity { scale, rotation, mirrored: false, translation: [0.0; 3] };
-        let turned = found.turn(self.source.means[id].map(f64::from));
-        let translation = [0, 1, 2].map(|k| self.places[at][k] - turned[k]);
+        let rotated = found.apply_vector(self.source.means[id].map(f64::from));
+        let translation = [0, 1, 2].map(|k| self.places[at][k] - rotated[k]);
         Similarity { translation, ..found }
     }
 
-    /// Error of that similarity per unit of distance.
+    /// Error of that similarity, per unit of distance.
     fn own_slack(&self, at: usize) -> f64 {
         let rounding = self.precision.map_or(0.0, |precision| {
             let row = precision.of(self.open[at]);
@@ -411,42 +412,44 @@ impl<'a> Search<'a> {
             return;
         }
         let back = similarity.inverse();
-        let undone = back.place(&self.edited.select(&still_open));
+        let undone = back.transform(&self.edited.select(&still_open));
         let mut found = vec![Identity::Edited; still_open.len()];
         if let Some(precision) = self.precision {
-            let precision = back.place_precision(&precision.select(&still_open), still_open.len());
+            let precision =
+                back.transform_precision(&precision.select(&still_open), still_open.len());
             stored::matches(self.source, &undone, &precision, &mut found);
         } else {
             match_by_tolerance(self.source, &undone, 2.0 * self.tolerance, &mut found);
         }
         for (row, identity) in still_open.into_iter().zip(found) {
-            if let Identity::Unchanged(source) | Identity::Recoloured(source) = identity {
+            if let Identity::Unchanged(source) | Identity::Recolored(source) = identity {
                 rows[row] = Identity::Moved { source, group };
             }
         }
     }
 }
 
-/// Writes the values of row `i` of `placed`, a source splat transformed by its group's similarity,
-/// to `row` of `edited`, where the edited values agree: the centre, which is known to agree, and
-/// shape and colours, each if they do. Files round rotations by less than 2°, sizes by 4 %, colours
-/// by two steps of 255.
+/// Writes values of row `i` of `placed`, a source splat transformed by its group's similarity, to
+/// `row` of `edited`: always the centre, which agrees by construction; shape and colours if the
+/// edited values agree with them. Files round rotations by less than 2°, sizes by less than 4 %,
+/// colours by up to two steps of 255.
 pub(super) fn restore_row(placed: &Splats, i: usize, edited: &mut Splats, row: usize) {
-    const COS_HALF_TURN: f32 = 0.999_85;
+    const MIN_COS_HALF_ANGLE: f32 = 0.999_85;
     const SIZE: f32 = 0.04;
     const OPACITY: f32 = 0.01;
-    const COLOUR: f32 = 0.03;
+    const COLOR: f32 = 0.03;
     edited.means[row] = placed.means[i];
-    let same_turn = quat::dot(placed.rotation(i), edited.rotation(row)).abs() >= COS_HALF_TURN;
+    let same_rotation =
+        quat::dot(placed.rotation(i), edited.rotation(row)).abs() >= MIN_COS_HALF_ANGLE;
     let (from, to) = (placed.log_scales[i], edited.log_scales[row]);
-    if same_turn && (0..3).all(|k| (from[k] - to[k]).abs() <= SIZE) {
+    if same_rotation && (0..3).all(|k| (from[k] - to[k]).abs() <= SIZE) {
         edited.quats[row] = placed.quats[i];
         edited.log_scales[row] = placed.log_scales[i];
     }
     let coeffs = edited.sh_coeffs();
     let (from, to) = (placed.sh_of(i)[0], edited.sh_of(row)[0]);
     let same_opacity = (placed.opacity(i) - edited.opacity(row)).abs() <= OPACITY;
-    if same_opacity && (0..3).all(|c| (from[c] - to[c]).abs() <= COLOUR) {
+    if same_opacity && (0..3).all(|c| (from[c] - to[c]).abs() <= COLOR) {
         edited.opacity_logits[row] = placed.opacity_logits[i];
         edited.sh[row * coeffs..][..coeffs].copy_from_slice(placed.sh_of(i));
     }
@@ -469,6 +472,6 @@ fn residual_limit(
         precision.of(row).means.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt()
     });
     let rounding = (ROUNDING * f64::from(largest)).max(OF_DEVIATION * f64::from(scale[1]));
-    // Below it, residuals of exact values would be compared with 0.
+    // Keeps the limit above 0 for exact values.
     (stored + tolerance * rounding).max(f64::MIN_POSITIVE)
 }

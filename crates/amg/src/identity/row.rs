@@ -3,11 +3,11 @@
 /// Relation of an edited splat to the source splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identity {
-    /// Source splat with this id: all stored fields agree.
+    /// The source splat with this id: all stored values agree.
     Unchanged(u32),
-    /// Source splat with this id: geometry agrees, opacity or colour does not.
-    Recoloured(u32),
-    /// Source splat, moved, rotated or scaled together with others.
+    /// The source splat with this id: geometry agrees, opacity or colour differs.
+    Recolored(u32),
+    /// A source splat that the edit moved, rotated or scaled together with others.
     Moved {
         /// Id of the source splat.
         source: u32,
@@ -19,20 +19,21 @@ pub enum Identity {
 }
 
 impl Identity {
-    /// Id of the source splat, if it is one.
+    /// Id of the source splat; `None` if the edited splat is not one.
     pub fn source(self) -> Option<u32> {
         match self {
-            Self::Unchanged(source) | Self::Recoloured(source) | Self::Moved { source, .. } => {
+            Self::Unchanged(source) | Self::Recolored(source) | Self::Moved { source, .. } => {
                 Some(source)
             }
             Self::Edited => None,
         }
     }
 
-    /// Id of the source splat, if it is one in its original place.
+    /// Id of the source splat at its original position; `None` if the edited splat was moved or is
+    /// not a source splat.
     pub fn in_place(self) -> Option<u32> {
         match self {
-            Self::Unchanged(source) | Self::Recoloured(source) => Some(source),
+            Self::Unchanged(source) | Self::Recolored(source) => Some(source),
             Self::Moved { .. } | Self::Edited => None,
         }
     }

@@ -10,8 +10,8 @@ use std::ops::Range;
 const CANDIDATES: usize = 6;
 /// Values of a signature: two proportions, opacity, base colour.
 const SIGNATURE: usize = 6;
-/// Largest difference of proportions if only these are compared: lossless files preserve them
-/// better than this.
+/// Maximum difference of proportions if only these are compared: lossless files preserve them more
+/// accurately.
 const PROPORTIONS: f64 = 1e-4;
 
 /// Properties by which rows and source splats are paired.
@@ -19,7 +19,7 @@ const PROPORTIONS: f64 = 1e-4;
 pub(super) enum By {
     /// Proportions, opacity and base colour.
     All,
-    /// Proportions: rows may be recoloured.
+    /// Proportions only: rows may be recoloured.
     Proportions,
 }
 
@@ -30,7 +30,7 @@ fn signature(splats: &Splats, i: usize) -> [f64; SIGNATURE] {
     [sizes[1] - sizes[0], sizes[2] - sizes[1], f64::from(splats.opacity(i)), r, g, b]
 }
 
-/// Largest difference of each value of a signature that one row's rounding explains.
+/// Maximum difference of each value of a signature due to the rounding of one row.
 fn signature_limits(
     precision: Option<&Precision>,
     tolerance: f64,
@@ -82,21 +82,21 @@ pub(super) fn candidates(
         .collect()
 }
 
-/// Source splats by signature, in cells as wide as two limits.
+/// Lookup table of source splats by signature; cells are two limits wide.
 struct SignatureTable {
     /// Source splats in the order of (cell, id).
     ids: Vec<u32>,
-    /// Which of them each cell has.
+    /// Range of `ids` in each cell.
     cells: BitMap<Cell, Range<u32>>,
     signatures: Vec<[f64; SIGNATURE]>,
     width: [f64; SIGNATURE],
 }
 
-/// Values of a signature by which cells are numbered: the proportions, red and green.
+/// Indices of the signature values that define the cells: the proportions, red and green.
 const CELL_VALUES: [usize; 4] = [0, 1, 3, 4];
 type Cell = [i64; CELL_VALUES.len()];
-/// Maximum number of splats of a cell that are compared. Signatures shared by more are not
-/// informative.
+/// Maximum number of splats of a cell that are compared. Signatures shared by more splats are not
+/// distinctive.
 const MAX_OF_CELL: usize = 256;
 
 impl SignatureTable {
@@ -106,7 +106,7 @@ impl SignatureTable {
         let width = limits.map(|limit| 2.0 * limit);
         let mut table = Self { ids: Vec::new(), cells: BitMap::default(), signatures, width };
         let cell_of =
-            |id: u32| CELL_VALUES.map(|k| table.place(k, table.signatures[id as usize][k]).0);
+            |id: u32| CELL_VALUES.map(|k| table.cells(k, table.signatures[id as usize][k]).0);
         let mut sorted: Vec<(Cell, u32)> =
             ids.into_par_iter().with_min_len(1024).map(|id| (cell_of(id), id)).collect();
         sorted.par_sort_unstable();
@@ -121,17 +121,17 @@ impl SignatureTable {
         table
     }
 
-    /// Cell of a value, and the neighbour that also contains values within a limit of it.
+    /// Cell of a value, and the neighbouring cell that also contains values within a limit of it.
     #[expect(clippy::cast_possible_truncation, reason = "saturates for values beyond any file's")]
-    fn place(&self, k: usize, value: f64) -> (i64, i64) {
+    fn cells(&self, k: usize, value: f64) -> (i64, i64) {
         let at = value / self.width[k];
         let cell = at.floor();
-        let beside = if at - cell < 0.5 { -1 } else { 1 };
-        (cell as i64, (cell as i64).saturating_add(beside))
+        let neighbor = if at - cell < 0.5 { -1 } else { 1 };
+        (cell as i64, (cell as i64).saturating_add(neighbor))
     }
 
-    /// The nearest that differ by no more than `limits`, nearest first, with squared distances in
-    /// units of the table's limits.
+    /// The nearest splats whose values differ by at most `limits`, nearest first, with squared
+    /// distances in units of the table's limits.
     fn nearest(
         &self,
         wanted: &[f64; SIGNATURE],
@@ -139,10 +139,10 @@ impl SignatureTable {
         found: &mut Vec<(f64, u32)>,
     ) {
         found.clear();
-        let places = CELL_VALUES.map(|k| self.place(k, wanted[k]));
+        let places = CELL_VALUES.map(|k| self.cells(k, wanted[k]));
         let split = CELL_VALUES.map(|k| self.width[k].is_finite());
         for corner in 0..1_usize << CELL_VALUES.len() {
-            // Ignored values have one cell.
+            // Ignored values share one cell.
             if (0..CELL_VALUES.len()).any(|k| (corner >> k) & 1 == 1 && !split[k]) {
                 continue;
             }

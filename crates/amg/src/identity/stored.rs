@@ -6,12 +6,13 @@ use anchors::{KdTree, Neighbor};
 use gs_core::{Precision, RowPrecision, Splats, quat};
 use rayon::prelude::*;
 
-/// Source splats compared first; more only while all of them lie within the precision.
+/// Number of source splats compared first; it is increased while all of them are within the
+/// precision.
 const CANDIDATES: usize = 8;
 /// Maximum number of source splats compared: with coarse positions, many splats of a small scene
 /// coincide.
 const MAX_CANDIDATES: usize = 512;
-/// Rounding of the arithmetic on both sides of the file, relative to the values.
+/// Rounding of arithmetic when the file is written and read, relative to the values.
 const ROUNDING: f64 = 1e-6;
 
 /// Fills the entries of `rows` that are source splats within the precision of the file.
@@ -32,21 +33,21 @@ pub(super) fn matches(
         Vec::new,
         |near, (row, slot)| {
             if *slot == Identity::Edited && edited.is_finite(row) {
-                let pair = Pair { source, edited, row, precision: precision.of(row) };
+                let pair = StoredPair { source, edited, row, precision: precision.of(row) };
                 *slot = pair.nearest(&tree, &ids, near);
             }
         },
     );
 }
 
-struct Pair<'a> {
+struct StoredPair<'a> {
     source: &'a Splats,
     edited: &'a Splats,
     row: usize,
     precision: &'a RowPrecision,
 }
 
-impl Pair<'_> {
+impl StoredPair<'_> {
     fn nearest(&self, tree: &KdTree<3>, ids: &[u32], near: &mut Vec<Neighbor>) -> Identity {
         let mean = self.edited.means[self.row].map(f64::from);
         let radius_squared: f64 = (0..3).map(|k| self.mean_limit(k).powi(2)).sum();
@@ -62,12 +63,12 @@ impl Pair<'_> {
         }
     }
 
-    /// The candidate with the smallest deviation: among those that agree in all values, else among
-    /// those that agree in geometry.
+    /// The candidate with the smallest deviation among those that agree in all values; if there are
+    /// none, among those that agree in geometry.
     fn best(&self, near: &[Neighbor], ids: &[u32]) -> Identity {
         let (mut whole, mut shape) = (None::<(f64, u32)>, None::<(f64, u32)>);
         let keep = |best: &mut Option<(f64, u32)>, found: f64, id: u32| {
-            if best.is_none_or(|(least, _)| found < least) {
+            if best.is_none_or(|(best_deviation, _)| found < best_deviation) {
                 *best = Some((found, id));
             }
         };
@@ -81,7 +82,7 @@ impl Pair<'_> {
         }
         match (whole, shape) {
             (Some((_, id)), _) => Identity::Unchanged(id),
-            (None, Some((_, id))) => Identity::Recoloured(id),
+            (None, Some((_, id))) => Identity::Recolored(id),
             (None, None) => Identity::Edited,
         }
     }
@@ -91,7 +92,7 @@ impl Pair<'_> {
         f64::from(self.precision.means[axis]) + ROUNDING * magnitude
     }
 
-    /// Sum of squared deviations, in units of the allowed ones; `None` if one exceeds its limit.
+    /// Sum of squared deviations, in units of their limits; `None` if one exceeds its limit.
     fn geometry(&self, id: usize) -> Option<f64> {
         let (source, edited, row, precision) = (self.source, self.edited, self.row, self.precision);
         let mut sum = 0.0;
@@ -105,7 +106,8 @@ impl Pair<'_> {
         let a = quat::normalize(source.quats[id].map(f64::from));
         let b = quat::normalize(edited.quats[row].map(f64::from));
         let angle = 2.0 * quat::dot(a, b).abs().min(1.0).acos();
-        // Arc cosines of single-precision products of 1 are off by their square root.
+        // The arc cosine of a product near 1 in single precision has an error of about the square
+        // root of its rounding.
         sum += within(angle, f64::from(precision.rotation_rad) + 1e-3)?;
         Some(sum)
     }
@@ -141,12 +143,12 @@ impl Pair<'_> {
     }
 }
 
-/// Distance of `stored` from the values that storing `value` can give.
+/// Distance of `stored` from the range of values that `value` may be stored as.
 fn apart(value: f32, stored: f32, [min, max]: [f32; 2]) -> f64 {
     (f64::from(value.max(min).min(max)) - f64::from(stored)).abs()
 }
 
-/// The square of `distance` in units of `limit`; `None` beyond the limit.
+/// Square of `distance` in units of `limit`; `None` beyond the limit.
 fn within(distance: f64, limit: f64) -> Option<f64> {
     if limit.is_infinite() {
         return Some(0.0);

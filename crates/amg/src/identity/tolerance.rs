@@ -6,7 +6,7 @@ use anchors::KdTree;
 use gs_core::{Real, Splats, covariance, quat};
 use rayon::prelude::*;
 
-/// Source splats compared per open row in the tolerance pass.
+/// Number of source splats compared with each open row.
 const CANDIDATES: usize = 4;
 
 pub(super) fn match_by_tolerance(
@@ -21,17 +21,18 @@ pub(super) fn match_by_tolerance(
     }
     let points: Vec<[f64; 3]> =
         ids.iter().map(|&id| source.means[id as usize].map(f64::from)).collect();
-    // The middle scale, on which the limit of the distance depends.
+    // The distance limit depends on the middle scale.
     let middle = |id: &u32| sorted(source.scale(*id as usize).map(f64::from))[1];
     let middles: Vec<f64> = ids.par_iter().with_min_len(1024).map(middle).collect();
     let open: Vec<usize> = (0..rows.len())
         .filter(|&row| rows[row] == Identity::Edited && edited.is_finite(row))
         .collect();
     let places: Vec<[f64; 3]> = open.iter().map(|&row| edited.means[row].map(f64::from)).collect();
-    // No splat farther than this is in place: √3 times the limit of a coordinate, and rounding.
+    // Upper bound of the distance of splats in place: √3 times the limit per coordinate, and
+    // rounding.
     let largest = places.iter().chain(&points).map(|&x| largest_coordinate(x)).fold(0.0, f64::max);
     let reach = 3.0_f64.sqrt()
-        * place_limit(largest, middles.iter().copied().fold(0.0, f64::max), tolerance);
+        * position_limit(largest, middles.iter().copied().fold(0.0, f64::max), tolerance);
     let found = KdTree::<3>::new(&points).map_within(&places, CANDIDATES, reach, |i, near| {
         let near = near.iter().filter(|n| {
             let n = n.id as usize;
@@ -52,12 +53,12 @@ fn sorted(mut values: [f64; 3]) -> [f64; 3] {
 /// Whether two positions agree within the rounding of coordinates, or within a small share of the
 /// splat's size.
 fn is_in_place(x: [f64; 3], y: [f64; 3], middle_scale: f64, tolerance: f64) -> bool {
-    let limit = place_limit(largest_coordinate(x), middle_scale, tolerance);
+    let limit = position_limit(largest_coordinate(x), middle_scale, tolerance);
     (0..3).all(|axis| (x[axis] - y[axis]).abs() <= limit)
 }
 
-/// Largest difference of a coordinate that rounding explains, world units.
-fn place_limit(largest_coordinate: f64, middle_scale: f64, tolerance: f64) -> f64 {
+/// Maximum difference of a coordinate due to rounding, world units.
+fn position_limit(largest_coordinate: f64, middle_scale: f64, tolerance: f64) -> f64 {
     tolerance * (2e-6 * largest_coordinate).max(1e-3 * middle_scale)
 }
 
@@ -81,7 +82,7 @@ fn best_within(
             return Identity::Unchanged(id);
         }
         if best == Identity::Edited {
-            best = Identity::Recoloured(id);
+            best = Identity::Recolored(id);
         }
     }
     best

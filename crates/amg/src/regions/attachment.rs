@@ -1,11 +1,11 @@
-//! New geometry that extends from the figure moves with the part that it is attached to.
+//! New geometry that extends from the figure moves with the part to which it is attached.
 //!
-//! Wings that pass behind a swinging arm are as near to it as to the back that they are attached
-//! to, but in fewer places. Single splats do not distinguish the two; the whole piece does: its
-//! contact with the back has the larger area. Each connected piece of new splats that extends far
-//! from every source therefore takes one motion, unless its contacts with two parts have similar
-//! areas. Pieces that stay near the figure may be rigid (a stick) or bend (a sleeve): they take one
-//! motion only if nearly all of their contact has it. A detached piece moves with the nearest part.
+//! Wings that pass behind a swinging arm are as near to it as to the back to which they are
+//! attached, but over a smaller area. Single splats do not distinguish the two, but the contact
+//! areas of the whole piece do. Each connected piece of new splats that extends far from every
+//! source therefore takes one motion, unless its contacts with two parts have similar areas. Pieces
+//! close to the figure may be rigid (a stick) or bend (a sleeve): they take one motion only if it
+//! accounts for nearly all of their contact area. A detached piece moves with the nearest part.
 
 use super::edit::Edit;
 use super::graph::Graph;
@@ -16,11 +16,11 @@ use anchors::{KdTree, NO_CELL};
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Smaller pieces are stray splats.
+/// Minimum number of splats of a piece; smaller ones are ignored.
 const MIN_SPLATS: usize = 8;
 
-/// Share of a piece's splats beyond the full distance from which it is clearly not clothing. Other
-/// new geometry may cover the figure and must then bend with it.
+/// Minimum share of a piece's splats beyond the full distance for which it is clearly not clothing.
+/// Other new geometry may cover the figure, and must then bend with it.
 const MIN_SHARE: f64 = 1.0 / 3.0;
 
 /// Share of a piece's splats beyond [`CLEARANCE`] below which each splat keeps its own match.
@@ -36,11 +36,11 @@ const DETACHED: f64 = 0.5;
 /// Width of a contact: standard deviation of its weights over distance.
 const CONTACT: f64 = 1.0 / 6.0;
 
-/// Largest difference at a contact between motions that count as one.
+/// Maximum difference at a contact between motions that count as one.
 const SAME_MOTION: f64 = 1.0 / 3.0;
 
-/// Largest difference from the motion of the attachment at which a splat keeps its own match, so
-/// that the seam of a piece stays closed on a soft body.
+/// Maximum difference from the motion of the attachment at which a splat keeps its own match, so
+/// that the seam between a piece and a soft body does not open.
 const SEAM: f64 = 1.0 / 6.0;
 
 /// Width of the contact of a detached piece, as a share of its distance.
@@ -51,10 +51,10 @@ const DETACHED_CONTACT: f64 = 0.5;
 /// new (measured: half of this value).
 const SUCCESSOR_RATIO: f64 = 3.0;
 
-/// Longest link inside a piece, in spacings.
+/// Maximum length of a link inside a piece, in spacings.
 const STEP: f64 = 2.5;
 
-/// Largest number of contacts tried as the attachment.
+/// Maximum number of contacts that are tried as the attachment.
 const MAX_TRIED: usize = 256;
 
 /// Minimum ratio of the largest contact area to the second, for a piece of which [`MIN_SHARE`]
@@ -133,13 +133,13 @@ impl NewPieces<'_> {
         attachments
     }
 
-    /// Whether splat `e` neither is a source splat nor has a parent.
+    /// Whether splat `e` is not a source splat and has no parent.
     fn is_open(&self, e: usize) -> bool {
         self.edit.exact[e].is_none() && self.edit.parent[e].is_none()
     }
 
-    /// Largest distance over time between splat `e` moved with one region and with another, world
-    /// units.
+    /// Maximum distance over time between splat `e` moved with region `a` and with region `b`,
+    /// world units.
     fn difference(&self, a: u32, b: u32, e: usize) -> f64 {
         let at = self.edit.means[e].map(Real::as_f32);
         f64::from(self.motion.max_distance(a as usize, b as usize, at))
@@ -219,7 +219,7 @@ impl NewPieces<'_> {
         pieces
     }
 
-    /// Connected components of the splats with a gap, by their lowest splats.
+    /// Connected components of the splats with a gap, in ascending order of their first splats.
     fn components(&self, gaps: &[Option<f64>]) -> Vec<Vec<usize>> {
         let is_new = |e: usize| gaps[e].is_some();
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); self.edit.len()];
@@ -254,8 +254,8 @@ impl NewPieces<'_> {
         components
     }
 
-    /// The region whose motion has the largest contact area; `None` if another motion has nearly as
-    /// much, or if nothing is within reach.
+    /// The region whose motion has the largest contact area; `None` if a different motion has a
+    /// similar area, or if no match is within reach.
     fn attachment(&self, nearest: &[NearestMatch], area_ratio: f64) -> Option<u32> {
         let closest = nearest.iter().map(|n| n.distance).reduce(f64::min)?;
         if closest > self.reach {
@@ -264,8 +264,7 @@ impl NewPieces<'_> {
         let detached = closest > DETACHED * self.new_geometry;
         let contact = CONTACT * self.new_geometry;
         let width = if detached { contact.max(DETACHED_CONTACT * closest) } else { contact };
-        // A detached piece that extends far has no contact to decide by: it follows the nearest
-        // part.
+        // A detached piece that extends far has no contact: it follows the nearest part.
         let area_ratio = if detached && area_ratio <= AREA_RATIO { 1.0 } else { area_ratio };
         let mut contacts: Vec<Contact> = nearest
             .iter()
@@ -290,8 +289,8 @@ impl NewPieces<'_> {
         (area >= area_ratio * second).then_some(attachment)
     }
 
-    /// The region whose motion has the largest contact area, and that area. Contacts count the more
-    /// the better their motions agree with it, so that a region in the middle of a part is
+    /// The region whose motion has the largest contact area, and that area. Contacts are weighted
+    /// by the agreement of their motions with it, so that a region in the middle of a part is
     /// preferred to one at a joint.
     fn largest_contact(&self, contacts: &[Contact]) -> Option<(u32, f64)> {
         let tolerance = (SAME_MOTION * self.new_geometry).max(TINY);

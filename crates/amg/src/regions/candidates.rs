@@ -1,28 +1,29 @@
 //! Candidate regions of each edited splat, grouped by hypothesis.
 
-use super::cubes::{Cube, Cubes, Grouping, MAX_HYPOTHESES, SearchSpace};
+use super::cubes::{Cube, Cubes, HypothesisScratch, MAX_HYPOTHESES, SearchSpace};
 use crate::rigid::{dot, norm, sub};
 use anchors::NO_CELL;
 use gs_core::Real;
 
-/// Regions kept per hypothesis: the plane of a single region may be tilted.
+/// Maximum number of regions per hypothesis: more than one, because the plane of a single region
+/// may be tilted.
 const PER_HYPOTHESIS: usize = 8;
 
 /// A region to which an edited splat may belong.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Candidate {
     pub(super) region: u32,
-    /// Hypothesis of the splat whose motion the region has.
+    /// Index of the splat's hypothesis with the motion of the region.
     pub(super) hypothesis: u8,
     /// Signed offset of the splat from the region along its outward normal, world units.
     pub(super) offset: f32,
     /// Squared distance within the region's tangent plane, world units².
     pub(super) tangent_squared: f32,
-    /// Product of the two flatnesses: 0 if either is a ball.
+    /// Product of the flatness of splat and region: 0 if either is a ball.
     pub(super) flatness: f32,
     /// `flatness · (1 − |cos|)` of the angle between the normals, whose signs are ignored.
     pub(super) misalignment: f32,
-    /// Squared difference of the two flatnesses.
+    /// Squared difference of the flatness of splat and region.
     pub(super) flatness_gap: f32,
 }
 
@@ -46,9 +47,10 @@ impl Candidates {
     /// with length = flatness.
     pub(super) fn of(space: SearchSpace<'_>, normals: &[[f64; 3]], cubes: &Cubes) -> Self {
         let flatness = normals.iter().map(|&n| norm(n)).collect();
-        let search = Search { space, normals, flatness };
-        let found =
-            cubes.map_splats(|scratch: &mut Scratch, cube, e| search.of_splat(e, cube, scratch));
+        let search = CandidateSearch { space, normals, flatness };
+        let found = cubes.map_splats(|scratch: &mut CandidateScratch, cube, e| {
+            search.of_splat(e, cube, scratch)
+        });
         let (entries, distance) = found.into_iter().unzip();
         Self { entries, distance }
     }
@@ -56,21 +58,26 @@ impl Candidates {
 
 /// Buffers reused from splat to splat.
 #[derive(Default)]
-struct Scratch {
-    grouping: Grouping,
+struct CandidateScratch {
+    grouping: HypothesisScratch,
     regions: Vec<u32>,
     nearest: [Vec<(f64, u32)>; MAX_HYPOTHESES],
     found: Vec<Candidate>,
 }
 
-struct Search<'a> {
+struct CandidateSearch<'a> {
     space: SearchSpace<'a>,
     normals: &'a [[f64; 3]],
     flatness: Vec<f64>,
 }
 
-impl Search<'_> {
-    fn of_splat(&self, e: usize, cube: &Cube, scratch: &mut Scratch) -> (Box<[Candidate]>, f64) {
+impl CandidateSearch<'_> {
+    fn of_splat(
+        &self,
+        e: usize,
+        cube: &Cube,
+        scratch: &mut CandidateScratch,
+    ) -> (Box<[Candidate]>, f64) {
         let SearchSpace { regions, edit, .. } = self.space;
         let region_of = |point: u32| {
             let region = regions.cells.owners[point as usize];
@@ -82,8 +89,8 @@ impl Search<'_> {
             return (own.into_iter().collect(), f64::INFINITY);
         }
         let x = edit.means[e];
-        let Scratch { grouping, regions: with_parent, nearest, found } = scratch;
-        // A splat with a parent may have been moved: hypotheses are formed at its own place, and
+        let CandidateScratch { grouping, regions: with_parent, nearest, found } = scratch;
+        // A splat with a parent may have been moved: hypotheses are formed at its own position, and
         // the motion of the parent's region is the first.
         let (candidates, hypotheses) = if let Some(parent) = edit.parent[e].and_then(region_of) {
             with_parent.clear();

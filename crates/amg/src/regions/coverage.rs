@@ -1,15 +1,16 @@
-//! Relaxed source marginal: a cost of regions that have more edited splats than their share.
+//! Relaxed source marginal: a cost for regions with more edited splats than their share.
 //!
-//! If an edit pushes two surfaces through each other, each lies where the other is expected, and
-//! the offsets alone assign both to one of them. That one then has twice its share of splats and
-//! the other has none. As with the relaxed marginal of unbalanced transport, the cost is the
-//! negative dual potential: λ₁ times the logarithm of the filling ratio, with one damped step per
-//! alternation. Counts are smoothed over a patch and compared with the rate of the body part,
-//! because single regions have too few splats.
+//! If an edit pushes two surfaces through each other, each is at the expected position of the
+//! other, and by offsets alone both are assigned to one of them: one region then has twice its
+//! share of splats, the other none. As with the relaxed marginal of unbalanced transport, the cost
+//! is the negative dual potential: λ₁ times the logarithm of the filling ratio, with one damped
+//! step per alternation. Counts are smoothed over a patch and compared with the rate of the body
+//! part, because single regions contain too few splats.
 
 use super::diffusion::Diffusion;
 
-/// Diffusion steps that smooth counts over a patch, and over the body part it is compared with.
+/// Number of diffusion steps that smooth counts over a patch, and over the body part with which it
+/// is compared.
 const PATCH: usize = 3;
 const PART: usize = 40;
 
@@ -17,7 +18,7 @@ const PART: usize = 40;
 /// were deleted.
 const PRIOR: f64 = 0.3;
 
-/// Bound on the filling ratio and its inverse: an edit may also remove a part, or add one.
+/// Bound on the filling ratio and its inverse: an edit may also remove or add a part.
 const LIMIT: f64 = std::f64::consts::E;
 
 /// Share of the previous cost that is kept in each step.
@@ -36,7 +37,7 @@ pub(super) fn update(
     for ((penalty, near), wide) in penalty.iter_mut().zip(near).zip(wide) {
         let expected = wide[0] / wide[1] * near[1];
         let filling = (near[0] + PRIOR * expected) / ((1.0 + PRIOR) * expected);
-        // A part without edited splats has no rate.
+        // The rate of a part without edited splats is undefined.
         let defined = filling > 0.0 && filling.is_finite();
         let new = if defined { strength * filling.clamp(LIMIT.recip(), LIMIT).ln() } else { 0.0 };
         *penalty = DAMPING * *penalty + (1.0 - DAMPING) * new;

@@ -1,4 +1,5 @@
-//! Edited splats grouped in small cubes, whose splats share one search for candidate regions.
+//! Edited splats grouped in small cubes: the splats of a cube share one search for candidate
+//! regions.
 
 use super::edit::Edit;
 use super::numeric::TINY;
@@ -10,11 +11,11 @@ use anchors::Neighbor;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Number of motions distinguished per cube. Where more parts meet, the farthest are not
+/// Maximum number of motions distinguished per cube. Where more parts meet, the farthest are not
 /// candidates.
 pub(super) const MAX_HYPOTHESES: usize = 4;
 
-/// Candidate regions per cube: all that a thick sleeve can be displaced from.
+/// Number of candidate regions per cube: enough to contain the arm below a thick sleeve.
 const CANDIDATES: usize = 160;
 
 /// Cubes per task. Neighbouring cubes share regions, and thus cache lines.
@@ -45,12 +46,12 @@ pub(super) struct SearchSpace<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
-    /// Largest distance between images of a point under two motions that count as one, world units.
+    /// Maximum distance between images of a point under two motions that count as one, world units.
     pub(super) tolerance: f32,
 }
 
 impl Cubes {
-    /// Groups the edited splats in cubes of edge `edge` along `axes`. `tree` has the regions.
+    /// Groups the edited splats in cubes of edge `edge` along `axes`. `tree` contains the regions.
     pub(super) fn of(
         space: SearchSpace<'_>,
         tree: &RegionTree,
@@ -58,7 +59,7 @@ impl Cubes {
         edge: f64,
     ) -> Self {
         let edit = space.edit;
-        let make = |(near, grouping): &mut (Vec<Neighbor>, Grouping), splats: Vec<u32>| {
+        let make = |(near, grouping): &mut (Vec<Neighbor>, HypothesisScratch), splats: Vec<u32>| {
             if splats.iter().all(|&e| edit.exact[e as usize].is_some()) {
                 return Cube { splats, ..Cube::default() };
             }
@@ -109,7 +110,7 @@ impl Cubes {
 
 /// Buffers reused from search to search.
 #[derive(Default)]
-pub(super) struct Grouping {
+pub(super) struct HypothesisScratch {
     hypotheses: Vec<u8>,
     remaining: Vec<u32>,
     deviations: Vec<f32>,
@@ -124,9 +125,9 @@ impl SearchSpace<'_> {
         &self,
         x: [f64; 3],
         regions: &[u32],
-        scratch: &'b mut Grouping,
+        scratch: &'b mut HypothesisScratch,
     ) -> &'b [u8] {
-        let Grouping { hypotheses, remaining, deviations, path } = scratch;
+        let HypothesisScratch { hypotheses, remaining, deviations, path } = scratch;
         let none = u8::try_from(MAX_HYPOTHESES).unwrap_or(u8::MAX);
         let x = x.map(Real::as_f32);
         hypotheses.clear();

@@ -1,7 +1,7 @@
 //! The edited splats to be matched.
 
 use super::normals::{RING, RingMean, thin_axis, typical_scatter};
-use super::source::{LEAST_OPACITY, Regions};
+use super::source::{MIN_OPACITY, Regions};
 use crate::bit_map::BitMap;
 use crate::identity::{Identity, IdentityMap};
 use crate::keyframes::KeyFrames;
@@ -10,8 +10,8 @@ use anchors::{KdTree, Neighbor};
 use gs_core::Splats;
 use rayon::prelude::*;
 
-/// Distance from a splat's centre, in its largest standard deviation, within which the splats it
-/// was split into lie; and largest difference of their log-scale ratios between axes.
+/// Maximum distance of a split-off splat from the centre of its parent, in the parent's largest
+/// standard deviation; and maximum difference of their log-scale ratios between axes.
 const EXTENT: f64 = 3.0;
 const PROPORTIONS: f32 = 1e-4;
 
@@ -20,17 +20,17 @@ const PROPORTIONS: f32 = 1e-4;
 pub(super) struct Edit {
     /// Centres about the origin of the pose, world units.
     pub(super) means: Vec<[f64; 3]>,
-    /// Thin axes, length = flatness, sign arbitrary. Averaged over neighbours if the edit's axes are
-    /// noisier than the source's, see [`averaged`].
+    /// Thin axes, length = flatness, sign arbitrary. Averaged over neighbours if the edit's axes
+    /// are noisier than the source's, see [`averaged`].
     pub(super) axes: Vec<[f64; 3]>,
     /// Parent: position in the source's `ids` of the only splat that has the same centre, or the
     /// same quaternion and scales, bit for bit (editors that change one property keep the others),
     /// or from which this one may have been split off.
     pub(super) parent: Vec<Option<u32>>,
-    /// Position in the source's `ids` of the splat that this one *is*. Such splats are not matched;
-    /// they contribute to the statistics.
+    /// Position in the source's `ids` of the splat to which this one is identical. Such splats are
+    /// not matched, but contribute to the statistics.
     pub(super) exact: Vec<Option<u32>>,
-    /// Which of the source's `ids` the whole edit kept, `[N]`, not only those near these splats.
+    /// Which of the source's `ids` the edit kept, `[N]`: anywhere, not only near these splats.
     pub(super) kept: Vec<bool>,
 }
 
@@ -54,7 +54,7 @@ impl Edit {
         for point in identity.rows.iter().filter_map(point) {
             kept[point as usize] = true;
         }
-        let ((centres, shapes), turns) = rayon::join(
+        let ((centres, shapes), by_rotation) = rayon::join(
             || {
                 rayon::join(
                     || unique(ids.iter().map(|&i| centre_bits(source, i))),
@@ -67,7 +67,7 @@ impl Edit {
             let by_centre = centres.get(&centre_bits(edited, row)).copied().flatten();
             by_centre.or_else(|| shapes.get(&shape_bits(edited, row)).copied().flatten()).or_else(
                 || {
-                    let whole = turns.get(&quat_bits(edited, row)).copied().flatten();
+                    let whole = by_rotation.get(&quat_bits(edited, row)).copied().flatten();
                     whole.filter(|&point| may_be_split(source, ids[point as usize], edited, row))
                 },
             )
@@ -76,7 +76,7 @@ impl Edit {
             rows.iter().map(|&row| sub(edited.means[row].map(f64::from), origin)).collect();
         let exact: Vec<Option<u32>> = rows.iter().map(|&row| exact(identity.rows[row])).collect();
         let axes = rows.par_iter().with_min_len(256).map(|&row| thin_axis(edited, row)).collect();
-        let opacity = |&row: &usize| f64::from(edited.opacity(row)).max(LEAST_OPACITY);
+        let opacity = |&row: &usize| f64::from(edited.opacity(row)).max(MIN_OPACITY);
         let weights: Vec<f64> = rows.iter().map(opacity).collect();
         Self {
             axes: averaged(axes, &means, &weights, &exact, regions.scatter),
@@ -92,10 +92,10 @@ impl Edit {
     }
 }
 
-/// Thin axes with less noise. Splats fitted to pictures are less well aligned with their surface
-/// than those of a trained scene. The scatter s of the edited splats' axes on smooth surfaces,
-/// compared with that of the source, s₀, shows how much of it is noise: the mean over the
-/// neighbours gets the share 1 − s₀/s, if that is positive. Splats of the source keep their axes.
+/// Denoised thin axes. Splats fitted to images are less well aligned with their surface than those
+/// of a trained scene. The scatter s of the edited splats' axes on smooth surfaces is compared with
+/// that of the source, s₀: each axis is blended with the mean over its neighbours, which has the
+/// weight max(0, 1 − s₀/s). Source splats keep their axes.
 fn averaged(
     mut axes: Vec<[f64; 3]>,
     means: &[[f64; 3]],
@@ -135,8 +135,8 @@ fn quat_bits(splats: &Splats, i: usize) -> [u32; 4] {
     splats.quats[i].map(|c| (c + 0.0).to_bits())
 }
 
-/// Whether `row` may be a part of source splat `i`, split by densification: smaller, inside it,
-/// with the same proportions.
+/// Whether `row` may have been split off from source splat `i` by densification: smaller, inside
+/// it, with the same proportions.
 fn may_be_split(source: &Splats, i: usize, edited: &Splats, row: usize) -> bool {
     let d = sub(edited.means[row].map(f64::from), source.means[i].map(f64::from));
     let reach = source.scale(i).into_iter().fold(0.0_f32, f32::max);

@@ -1,10 +1,10 @@
-//! The region that each edited splat follows: its own match, or that of another splat.
+//! The region that each edited splat follows: its own match, or that of a different splat.
 
 use super::attachment::NewPieces;
 use super::candidates::Candidates;
 use super::edit::Edit;
 use super::graph::{self, Graph};
-use super::posterior::Posterior;
+use super::posterior::RegionPosterior;
 use super::region_motion::RegionMotion;
 use super::source::Regions;
 
@@ -13,24 +13,24 @@ use super::source::Regions;
 pub(super) enum Followed {
     /// Its own match.
     Own(u32),
-    /// The attachment of its piece, the match of the splat it is connected to, or its likeliest
-    /// region although "unmatched" is likelier.
+    /// The attachment of its piece, the match of the splat to which it is connected, or its most
+    /// probable region although "unmatched" is more probable.
     Other(u32),
-    /// None: no region is within reach.
+    /// No region is within reach.
     Nothing,
 }
 
-/// Input of the decision.
+/// Input of [`FollowInputs::followed`].
 pub(super) struct FollowInputs<'a> {
     pub(super) regions: &'a Regions,
     pub(super) motion: &'a RegionMotion,
     pub(super) edit: &'a Edit,
     pub(super) candidates: &'a Candidates,
-    /// Posterior of each edited splat, `[E]`.
-    pub(super) posteriors: &'a [Posterior],
+    /// RegionPosterior of each edited splat, `[E]`.
+    pub(super) posteriors: &'a [RegionPosterior],
     /// See [`NewPieces::new_geometry`], world units.
     pub(super) new_geometry: f64,
-    /// Largest distance from a splat to the nearest candidate, world units.
+    /// Maximum distance from a splat to its nearest candidate, world units.
     pub(super) reach: f64,
 }
 
@@ -63,10 +63,10 @@ impl FollowInputs<'_> {
         (0..edit.len()).map(followed).collect()
     }
 
-    /// The likeliest region of splat `e`, if "unmatched" is less likely than all regions together
-    /// and a region is within reach.
+    /// The most probable region of splat `e`, if "unmatched" is less probable than all regions
+    /// together and a region is within reach.
     fn matched(&self, e: usize) -> Option<u32> {
-        let Posterior { region, unmatched } = self.posteriors[e];
+        let RegionPosterior { region, unmatched } = self.posteriors[e];
         let is_matched = unmatched < 0.5 && (self.within_reach(e) || self.edit.exact[e].is_some());
         region.filter(|_| is_matched)
     }

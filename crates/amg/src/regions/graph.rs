@@ -5,11 +5,11 @@ use anchors::Neighbors;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
-/// Neighbours per splat.
+/// Number of neighbours per splat.
 const NEIGHBORS: usize = 24;
 
-/// Neighbours per splat in edits of more than [`MANY`] splats, to save memory: most splats are
-/// matched there, so that paths are short.
+/// Number of neighbours per splat in edits of more than [`MANY`] splats. It saves memory; fewer
+/// suffice, because most splats are matched in large edits and paths are short.
 const NEIGHBORS_IF_MANY: usize = 12;
 const MANY: usize = 10_000;
 
@@ -36,8 +36,8 @@ impl Graph {
         Self { near, spacing }
     }
 
-    /// The links between two splats that are `wanted`. Those of two splats that are among the
-    /// nearest of each other come twice.
+    /// The links between two splats that are `wanted`. Links between mutual nearest neighbours are
+    /// returned twice.
     pub(super) fn links(
         &self,
         wanted: impl Fn(usize, usize) -> bool + Copy,
@@ -53,7 +53,7 @@ impl Graph {
 }
 
 /// For every splat, the seed that is nearest along the links (Dijkstra from all seeds at once);
-/// `None` where no path leads to one. Ties go to the lower seed.
+/// `None` if there is no path to a seed. Ties go to the lower seed.
 pub(super) fn nearest_seed(
     graph: &Graph,
     is_seed: impl Fn(usize) -> bool + Sync,
@@ -62,9 +62,9 @@ pub(super) fn nearest_seed(
     let mut owner: Vec<Option<u32>> =
         (0_u32..).take(num_splats).map(|i| is_seed(i as usize).then_some(i)).collect();
     let mut around: HashMap<u32, Vec<(u32, f64)>> = HashMap::new();
-    // Lengths as bits: the order of finite non-negative numbers is that of their bits.
+    // Lengths as bits, which have the same order for finite non-negative numbers.
     let mut heap: BinaryHeap<Reverse<(u64, u32, u32)>> = BinaryHeap::new();
-    // Most splats are seeds: few links lead from or to another splat.
+    // Most splats are seeds; few links have an end that is not a seed.
     for (a, b, length) in graph.links(&|i, j| !(is_seed(i) && is_seed(j))) {
         for (i, j) in [(a, b), (b, a)] {
             match (owner[i as usize], owner[j as usize]) {

@@ -4,12 +4,12 @@ use super::candidates::Candidate;
 use super::numeric::TINY;
 use gs_core::Real;
 
-/// Scale of the Welsch cost of the offset (Eq. 21), in variances. Half of it is the largest cost
-/// that an offset can have.
+/// Scale of the Welsch cost of the offset (Eq. 21), in variances. Half of it is the maximum cost of
+/// an offset.
 const WELSCH: f64 = 12.0;
 
-/// Standard deviation of offsets on an undisplaced surface, as a share of the spacing: a surface
-/// made of discs is rough.
+/// Standard deviation of offsets on an undisplaced surface, as a share of the spacing: discs
+/// approximate a surface only roughly.
 const ROUGHNESS: f64 = 0.1;
 
 /// Statistics of the edited splats of one region.
@@ -40,7 +40,7 @@ impl Likelihood {
     pub(super) fn of(statistics: &Statistics, spacing: f64, alignment: f64) -> Self {
         let Statistics { mean, sigma, misalignment, flatness_gap } = *statistics;
         let across = (sigma * sigma + (ROUGHNESS * spacing).powi(2)).max(TINY * TINY);
-        // Along the surface a region extends to its neighbours, and farther if the edit displaced
+        // Along the surface, a region extends to its neighbours, and farther if the edit displaced
         // it.
         let along = spacing * spacing + across + mean * mean;
         Self {
@@ -53,8 +53,9 @@ impl Likelihood {
     }
 
     /// Half the sum of squared offset, squared tangential distance and squared difference of
-    /// flatness, each over its variance, plus the misalignment over its mean. The offset is robust
-    /// and signed only as far as both are flat: a ball has no outward side.
+    /// flatness, each over its variance, plus the misalignment over its mean. The cost of the
+    /// offset is robust; its sign counts only to the degree to which both are flat, because a ball
+    /// has no outward side.
     pub(super) fn cost(&self, of: &Candidate) -> f32 {
         let welsch = WELSCH.as_f32();
         let across = (of.offset - self.mean).powi(2) * self.inverse_offset;
@@ -87,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn splats_are_expected_where_the_edit_pushed_the_surface() {
+    fn splats_on_the_displaced_surface_have_the_lowest_cost() {
         let likelihood = Likelihood::of(&DISPLACED, 0.01, 2.0);
         let [displaced, on_surface, inside] =
             [0.02, 0.0, -0.02].map(|offset| likelihood.cost(&candidate(offset, 1.0, 0.0)));
@@ -99,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn balls_have_no_side_and_the_typical_misalignment_has_its_cost() {
+    fn offsets_of_balls_are_unsigned_and_typical_misalignment_has_the_given_cost() {
         let likelihood = Likelihood::of(&DISPLACED, 0.01, 2.0);
         let [out, inside] =
             [0.02, -0.02].map(|offset| likelihood.cost(&candidate(offset, 0.0, 0.0)));

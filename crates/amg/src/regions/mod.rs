@@ -3,8 +3,8 @@
 //!
 //! `docs/MOTION.md` describes the model and its estimation. In the order of the code:
 //!
-//! 1. Source splats that move with none of their neighbours are outliers; the others form regions
-//!    that move together ([`source`], cells of the `anchors` crate).
+//! 1. Source splats whose motion differs from that of all their neighbours are outliers; the others
+//!    form regions that move together ([`source`], cells of the `anchors` crate).
 //! 2. Regions get rigid motions at the key times ([`region_motion`]) and outward normals
 //!    ([`normals`]).
 //! 3. Edited splats are grouped in small cubes. The splats of a cube share a search for regions,
@@ -14,12 +14,12 @@
 //!    probability of each motion, and these give the statistics of each region: how the edit
 //!    displaced it, smoothed by [`diffusion`].
 //! 5. Unmatched splats follow the nearest matched ones along the neighbour graph ([`graph`]).
-//! 6. New connected pieces that extend from the figure move as a whole with the part they are
-//!    attached to ([`attachment`]). [`followed_region`] combines 4 to 6.
-//! 7. Each splat gets a support, some sources of its motion that agree well ([`support`],
+//! 6. New connected pieces that extend from the figure move as a whole with the part to which they
+//!    are attached ([`attachment`]). [`followed_region`] combines 4 to 6.
+//! 7. Each splat gets a support: sources with its motion that agree well ([`support`],
 //!    [`consensus`]); their weighted rigid motion is its motion.
 //!
-//! The glossary is at the head of the crate.
+//! The crate's documentation has a glossary.
 
 mod attachment;
 mod candidates;
@@ -39,13 +39,13 @@ mod region_tree;
 mod source;
 mod support;
 
+use crate::guide_input::{GuideInput, ProgressFn, Row};
 use crate::keyframes::KeyFrames;
 use crate::motion_params::MotionParams;
 use crate::pose::Pose;
 use crate::report::MotionReport;
 use crate::rigid::{dot, sub};
 use crate::row_kind::RowKind;
-use crate::work::{Progress, Row, Work};
 use anchors::RigidNeighbors;
 use candidates::Candidates;
 use consensus::Consensus;
@@ -53,57 +53,59 @@ use cubes::{Cube, Cubes, SearchSpace};
 use edit::Edit;
 use followed_region::{FollowInputs, Followed};
 use gs_core::{Real, Splats};
-use posterior::{Inputs, Model};
+use posterior::{ModelInputs, RegionModel};
 use rayon::prelude::*;
 use region_motion::RegionMotion;
 use region_tree::RegionTree;
 use source::Regions;
 use std::cmp::Ordering;
 use std::time::Instant;
-use support::{Scratch, Supports};
+use support::{SupportScratch, Supports};
 
 /// Unchanged splats at most this far from an edited one, as a share of the figure, contribute to
 /// the statistics: the width of a body part.
 const NEIGHBORHOOD: f64 = 0.1;
 
-/// Tolerance of the motions in a support, as a share of that of a hypothesis: a hypothesis may
-/// bend, a support must not.
+/// Tolerance of the motions in a support, as a share of that of a hypothesis: parts that bend have
+/// one hypothesis, but supports are rigid.
 const RIGID: f64 = 0.4;
 
 /// Minimum tolerance of motions, in units of the noise of the regions' trajectories.
 const NOISES: f64 = 4.0;
 
-/// One row per entry of `work.open`, and the factor on the weight of the sources' own rotations, 0
+/// One row per entry of `input.open`, and the factor on the weight of the sources' own rotations, 0
 /// to 1.
 pub(crate) fn bind(
-    work: &Work<'_>,
+    input: &GuideInput<'_>,
     params: &MotionParams,
     report: &mut MotionReport,
-    progress: Progress<'_>,
+    progress: ProgressFn<'_>,
 ) -> (Vec<Row>, f64) {
-    let all_static = (vec![static_row(); work.open.len()], 1.0);
-    let keys = work.keys;
+    let all_static = (vec![static_row(); input.open.len()], 1.0);
+    let keys = input.keys;
     let usable = (0..keys.at_edit.len()).filter(|&i| !keys.broken[i]).collect();
-    let (ids, pose) = sources(usable, keys, &work.split.dynamic);
+    let (ids, pose) = sources(usable, keys, &input.split.dynamic);
     if ids.is_empty() || report.num_dynamic == 0 {
         return all_static;
     }
-    let size = work.split.figure_size;
-    let involved = edit::involved(work.edited, &work.open, work.identity, NEIGHBORHOOD * size);
+    let size = input.split.figure_size;
+    let involved = edit::involved(input.edited, &input.open, input.identity, NEIGHBORHOOD * size);
     let mut clock = Instant::now();
     let mut lap = |name: &'static str, report: &mut MotionReport| {
         report.timings.push((name, clock.elapsed().as_secs_f64()));
         clock = Instant::now();
     };
-    let order = outwards(lexicographic(involved, work.edited, &[]), work.edited, &pose);
+    let order = outwards(lexicographic(involved, input.edited, &[]), input.edited, &pose);
 
     progress("regions", 0.0);
-    let Some(source) = Source::of(work, ids, &pose, params, report) else { return all_static };
-    let Source { regions, neighbors, motion, normals, tree } = &source;
+    let Some(source) = SourceRegions::of(input, ids, &pose, params, report) else {
+        return all_static;
+    };
+    let SourceRegions { regions, neighbors, motion, normals, tree } = &source;
     lap("regions", report);
 
     progress("candidates", 0.0);
-    let edit = &Edit::of(keys, regions, work.edited, &order, work.identity, pose.origin);
+    let edit = &Edit::of(keys, regions, input.edited, &order, input.identity, pose.origin);
     let tolerance = |share: f64| (share * size).max(NOISES * neighbors.noise).as_f32();
     let space = SearchSpace { regions, motion, edit, tolerance: tolerance(params.same_motion) };
     let cubes = Cubes::of(space, tree, pose.axes, params.region_size * size);
@@ -111,7 +113,7 @@ pub(crate) fn bind(
     lap("candidates", report);
 
     progress("posterior", 0.0);
-    let inputs = Inputs {
+    let inputs = ModelInputs {
         regions,
         neighbors,
         motion,
@@ -120,12 +122,12 @@ pub(crate) fn bind(
         params,
         figure_size: size,
     };
-    let posteriors = &Model::estimate(&inputs).posteriors();
+    let posteriors = &RegionModel::estimate(&inputs).posteriors();
     lap("posterior", report);
 
     progress("support", 0.0);
     let new_geometry = params.new_geometry * size;
-    let reach = f64::from(work.options.reach) * size;
+    let reach = f64::from(input.options.reach) * size;
     let inputs = FollowInputs {
         regions,
         motion,
@@ -136,7 +138,7 @@ pub(crate) fn bind(
         reach,
     };
     let followed = inputs.followed();
-    // Large, and not used further.
+    // Large, and not needed any more.
     drop(candidates);
     let is_open = |e: usize| edit.exact[e].is_none();
     let out_of_reach = |&e: &usize| is_open(e) && matches!(followed[e], Followed::Nothing);
@@ -150,7 +152,7 @@ pub(crate) fn bind(
         consensus: Consensus::new(keys, regions, motion.rotation_quality),
         tree,
     };
-    let found = cubes.map_splats(|scratch: &mut Scratch, cube: &Cube, e| {
+    let found = cubes.map_splats(|scratch: &mut SupportScratch, cube: &Cube, e| {
         let x = edit.means[e];
         let sources = match followed[e] {
             _ if !is_open(e) => return None,
@@ -158,13 +160,13 @@ pub(crate) fn bind(
             Followed::Other(region) => supports.far(x, region, scratch),
             Followed::Nothing => Vec::new(),
         };
-        Some(blended_row(sources, &work.split.dynamic))
+        Some(blended_row(sources, &input.split.dynamic))
     });
     lap("support", report);
     // Back from canonical order to that of `open`, which is ascending.
-    let mut rows = vec![static_row(); work.open.len()];
+    let mut rows = vec![static_row(); input.open.len()];
     for (row, found) in order.iter().zip(found) {
-        if let (Some(found), Ok(slot)) = (found, work.open.binary_search(row)) {
+        if let (Some(found), Ok(slot)) = (found, input.open.binary_search(row)) {
             rows[slot] = found;
         }
     }
@@ -172,7 +174,7 @@ pub(crate) fn bind(
 }
 
 /// Regions of the source, and their motions and normals.
-struct Source {
+struct SourceRegions {
     regions: Regions,
     neighbors: RigidNeighbors,
     motion: RegionMotion,
@@ -181,17 +183,17 @@ struct Source {
     tree: RegionTree,
 }
 
-impl Source {
+impl SourceRegions {
     /// Forms the regions of the source rows `ids`; `None` if all of them are outliers.
     fn of(
-        work: &Work<'_>,
+        input: &GuideInput<'_>,
         ids: Vec<usize>,
         pose: &Pose,
         params: &MotionParams,
         report: &mut MotionReport,
     ) -> Option<Self> {
-        let shape = (params.region_size * work.split.figure_size, params.strain);
-        let regions = Regions::of(work.keys, ids, &work.split.dynamic, pose, shape);
+        let shape = (params.region_size * input.split.figure_size, params.strain);
+        let regions = Regions::of(input.keys, ids, &input.split.dynamic, pose, shape);
         report.num_floaters = regions.num_outliers;
         report.num_regions = regions.len();
         if regions.len() == 0 {
@@ -248,15 +250,15 @@ fn lexicographic(rows: Vec<usize>, splats: &Splats, later: &[Vec<[f32; 3]>]) -> 
                 orders.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
             })
     };
-    // Centres beside the rows: they nearly always decide.
+    // Centres are stored with the rows: they nearly always determine the order.
     let mut keyed: Vec<([f32; 3], usize)> =
         rows.into_iter().map(|row| (splats.means[row], row)).collect();
     keyed.par_sort_by(|a, b| compare(&a.0, &b.0).then_with(|| compare_rest(a.1, b.1)));
     keyed.into_iter().map(|(_, row)| row).collect()
 }
 
-/// Rows sorted by distance from the origin of the pose: an order that does not depend on the
-/// placement and scale of the scene.
+/// Rows sorted by distance from the origin of the pose: an order that does not depend on the pose
+/// and scale of the scene.
 fn outwards(rows: Vec<usize>, splats: &Splats, pose: &Pose) -> Vec<usize> {
     let mut keyed: Vec<(f64, usize)> = rows
         .into_iter()

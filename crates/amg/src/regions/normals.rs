@@ -6,25 +6,26 @@ use anchors::{Neighbor, Neighbors, RigidNeighbors, Trajectories};
 use gs_core::{Splats, quantile, quat};
 use rayon::prelude::*;
 
-/// Neighbours whose centre of mass indicates the inner side, on two scales.
+/// Numbers of neighbours whose centre of mass indicates the inner side, on two scales.
 const INSIDE: [usize; 2] = [24, 96];
 
-/// Neighbours over which thin axes are compared and averaged: the ring around a splat on a surface.
+/// Number of neighbours over which thin axes are compared and averaged: the ring around a splat on
+/// a surface.
 pub(super) const RING: usize = 6;
 
 /// Iterations for the mean axis of a ring; 8 change the motion of a fitted edit by 0.2 %, 2 by 2 %.
 const ITERATIONS: usize = 4;
 
-/// Share of a surface that is assumed to be smooth: at creases, axes differ without noise. 0.1 and
-/// 0.5 change the motion of a fitted edit by at most 0.2 %.
+/// Share of a surface that is assumed to be smooth: at creases, axes differ even without noise. 0.1
+/// and 0.5 change the motion of a fitted edit by at most 0.2 %.
 const SMOOTH_SHARE: f64 = 0.25;
 
-/// Splats of which a quantile is taken; its standard error is then about 1 %.
+/// Number of splats of which a quantile is taken; its standard error is then about 1 %.
 const SAMPLES: usize = 10_000;
 
 /// Rounds of mean-field annealing of the signs, with inverse temperatures from `BETA[0]` to
 /// `BETA[1]`. The weight of the guess from the centre of mass falls from [`GUESS`] to a tenth of
-/// it, so that the coupling of neighbours decides in the end.
+/// it, so that the coupling of neighbours dominates at the end.
 const ROUNDS: i32 = 40;
 const GUESS: f64 = 2.0;
 const BETA: [f64; 2] = [0.5, 4.0];
@@ -55,8 +56,9 @@ pub(super) struct RingMean {
 }
 
 impl RingMean {
-    /// Mean of the axes of `members`, near the axis `own`: each has the weight `w cos²` of its
-    /// angle, so that the other faces at an edge have little influence. `None` for a ball.
+    /// Mean of the axes of `members`, starting from the axis `own`; each has the weight `w cos²` of
+    /// its angle to the mean, so that the other faces at an edge of the surface have little
+    /// influence. `None` for a ball.
     pub(super) fn of(
         own: [f64; 3],
         members: &[u32],
@@ -94,8 +96,8 @@ impl RingMean {
     }
 }
 
-/// Lower quartile of the scatter of at most [`SAMPLES`] of `count` splats. `None` if all of them are
-/// balls.
+/// Lower quartile of the scatter of at most [`SAMPLES`] of `count` splats. `None` if all of them
+/// are balls.
 pub(super) fn typical_scatter(
     count: usize,
     ring: impl Fn(usize) -> Option<RingMean> + Sync + Send,

@@ -1,4 +1,4 @@
-//! Numerical helpers of the estimates.
+//! Numerical constants.
 
-/// Lower bound of lengths that are divided by; its square is still positive.
+/// Lower bound of lengths in denominators; its square does not underflow.
 pub(super) const TINY: f64 = 1e-100;

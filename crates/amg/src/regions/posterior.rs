@@ -18,40 +18,41 @@ use anchors::RigidNeighbors;
 use gs_core::Real;
 use rayon::prelude::*;
 
-/// Alternations of expectation and maximisation; more do not change the result measurably.
+/// Number of alternations of expectation and maximisation; more do not change the result
+/// measurably.
 const ROUNDS: usize = 6;
 
-/// Edits of at least twice as many splats are sampled in the alternations: every n-th splat, so
-/// that at least this many remain. The statistics have far fewer unknowns.
+/// If an edit has at least twice as many splats, the alternations use every n-th splat, so that at
+/// least this many remain. The statistics have far fewer unknowns.
 const SAMPLE: usize = 20_000;
 
-/// Diffusion steps that smooth the statistics over a patch of a body part.
+/// Number of diffusion steps that smooth the statistics over a patch of a body part.
 const PATCH: usize = 5;
 
-/// Prior means of the misalignment and of the squared difference of flatness, and what is added to
-/// the estimates: the inaccuracy of normals and flatness of fitted splats.
+/// Prior means of the misalignment and of the squared difference of flatness, and constants added
+/// to the estimates: the inaccuracy of normals and flatness of fitted splats.
 const MISALIGNMENT: f64 = 0.2;
 const MISALIGNMENT_NOISE: f64 = 0.05;
 const FLATNESS_GAP: f64 = 0.1;
 const FLATNESS_GAP_NOISE: f64 = 0.06;
 
-/// Factor on estimated standard deviations: assignments made so far are biased towards small ones.
+/// Factor on estimated standard deviations, which are biased downwards by the current assignments.
 const SPREAD: f64 = 1.4;
 
-/// Cost of belonging to a region of which the edit kept all splats, nats: they need no descendants.
-/// It separates an inflated sleeve from the bare hand that it comes to lie on.
+/// Cost of a region of which the edit kept all splats, nats: such a region is less likely to have
+/// descendants. It separates an inflated sleeve from the bare hand that it overlaps.
 const KEPT: f64 = 1.0;
 
-/// Log-odds that a splat has the motion of its parent, nats. Equal bits are no coincidence, but a
-/// copy may have been moved to another part.
+/// Log-odds that a splat has the motion of its parent, nats. Equal bits do not occur by chance, but
+/// a copy may have been moved to a different part.
 const PARENT: f32 = 8.0;
 
 /// Result for one edited splat.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Posterior {
-    /// The best region of the likeliest hypothesis; `None` without candidates.
+pub(super) struct RegionPosterior {
+    /// The best region of the most probable hypothesis; `None` without candidates.
     pub(super) region: Option<u32>,
-    /// Probability that it belongs to no region.
+    /// Probability that the splat is unmatched.
     pub(super) unmatched: f32,
 }
 
@@ -59,12 +60,12 @@ pub(super) struct Posterior {
 #[derive(Debug, Clone, Copy)]
 struct BestCandidate {
     candidate: Candidate,
-    /// Cost of belonging to it, nats.
+    /// Cost of the candidate, nats.
     cost: f32,
 }
 
 /// The model and its current parameters.
-pub(super) struct Model<'a> {
+pub(super) struct RegionModel<'a> {
     regions: &'a Regions,
     neighbors: &'a RigidNeighbors,
     candidates: &'a Candidates,
@@ -72,14 +73,14 @@ pub(super) struct Model<'a> {
     params: &'a MotionParams,
     diffusion: Diffusion,
     likelihoods: Vec<Likelihood>,
-    /// Cost of each region because the edit kept its splats, nats, `[R]`.
+    /// Cost of each region for splats that the edit kept, see [`KEPT`], nats, `[R]`.
     kept_cost: Vec<f64>,
-    /// Cost of each region by its marginal, nats, `[R]`, see [`coverage`].
+    /// Marginal penalty of each region, see [`coverage`], nats, `[R]`.
     marginal_penalty: Vec<f64>,
 }
 
 /// Input of the estimation.
-pub(super) struct Inputs<'a> {
+pub(super) struct ModelInputs<'a> {
     pub(super) regions: &'a Regions,
     pub(super) neighbors: &'a RigidNeighbors,
     pub(super) motion: &'a RegionMotion,
@@ -90,10 +91,10 @@ pub(super) struct Inputs<'a> {
     pub(super) figure_size: f64,
 }
 
-impl<'a> Model<'a> {
+impl<'a> RegionModel<'a> {
     /// Estimates the parameters of the model.
-    pub(super) fn estimate(inputs: &Inputs<'a>) -> Self {
-        let Inputs { regions, neighbors, motion, candidates, edit, params, .. } = *inputs;
+    pub(super) fn estimate(inputs: &ModelInputs<'a>) -> Self {
+        let ModelInputs { regions, neighbors, motion, candidates, edit, params, .. } = *inputs;
         let kept_cost = |i: usize| {
             let members = regions.members(i);
             let kept = members.iter().filter(|&&p| edit.kept[p as usize]).count();
@@ -142,7 +143,7 @@ impl<'a> Model<'a> {
     }
 
     /// Initial spread of the offsets, world units: the upper quartile over the splats of the
-    /// smallest offset. Large, so that the first alternation does not commit to wrong parts.
+    /// smallest offset. Large, so that the first alternation does not exclude correct parts.
     fn initial_sigma(&self, figure_size: f64) -> f64 {
         let smallest = |e: usize| {
             let offsets = self.candidates.of_splat(e).iter().map(|c| f64::from(c.offset.abs()));
@@ -165,12 +166,12 @@ impl<'a> Model<'a> {
         out.clear();
         let has_parent = self.edit.parent[e].is_some();
         let candidates = self.candidates.of_splat(e);
-        // Relative to the least: where all candidates were kept, the cost does not discriminate.
+        // Relative to the minimum: if all candidates were kept, the cost does not discriminate.
         let kept_costs = candidates.iter().map(|c| self.kept_cost[c.region as usize]);
-        let least = kept_costs.fold(f64::INFINITY, f64::min);
+        let smallest = kept_costs.fold(f64::INFINITY, f64::min);
         for candidate in candidates {
             let region = candidate.region as usize;
-            let penalty = self.marginal_penalty[region] + self.kept_cost[region] - least;
+            let penalty = self.marginal_penalty[region] + self.kept_cost[region] - smallest;
             let mut cost = self.likelihoods[region].cost(candidate) + penalty.as_f32();
             if has_parent && candidate.hypothesis == 0 {
                 cost -= PARENT;
@@ -213,7 +214,7 @@ impl<'a> Model<'a> {
             let lowest = best.iter().map(|b| b.cost).fold(f32::INFINITY, f32::min);
             let odds = |b: &BestCandidate| (f64::from(lowest - b.cost) / self.params.entropy).exp();
             let total: f64 = best.iter().map(odds).sum();
-            // Splats that no region explains well contribute little.
+            // Splats that fit no region well contribute little.
             let evidence = (-0.5 * f64::from(lowest.max(0.0))).exp();
             for b in best {
                 let region = b.candidate.region as usize;
@@ -261,7 +262,7 @@ impl<'a> Model<'a> {
     }
 
     /// Posteriors of all edited splats under the estimated parameters, `[E]`.
-    pub(super) fn posteriors(&self) -> Vec<Posterior> {
+    pub(super) fn posteriors(&self) -> Vec<RegionPosterior> {
         (0..self.edit.len())
             .into_par_iter()
             .with_min_len(64)
@@ -272,7 +273,7 @@ impl<'a> Model<'a> {
             .collect()
     }
 
-    fn posterior(&self, best: &[BestCandidate]) -> Posterior {
+    fn posterior(&self, best: &[BestCandidate]) -> RegionPosterior {
         let entropy = self.params.entropy.as_f32();
         let unmatched = self.params.unmatched.as_f32();
         let order = |a: &&BestCandidate, b: &&BestCandidate| {
@@ -282,7 +283,7 @@ impl<'a> Model<'a> {
         let lowest = likeliest.map_or(unmatched, |b| b.cost.min(unmatched));
         let odds = |cost: f32| ((lowest - cost) / entropy).exp();
         let total = odds(unmatched) + best.iter().map(|b| odds(b.cost)).sum::<f32>();
-        Posterior {
+        RegionPosterior {
             region: likeliest.map(|b| b.candidate.region),
             unmatched: odds(unmatched) / total,
         }

@@ -15,13 +15,13 @@ use rayon::prelude::*;
 /// see [`crate::Aggregation`].
 pub(super) const ROTATION_PRIOR: f64 = 3.0;
 
-/// Weights below this do not change a fit beyond rounding and are left out.
+/// Smaller weights do not change a fit beyond rounding and are omitted.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// Neighbourhoods sampled to estimate the accuracy of the splats' own rotations.
+/// Number of neighbourhoods sampled to estimate the accuracy of the splats' own rotations.
 const SAMPLE: usize = 2000;
 
-/// Key times compared at once: one vector register of `f32`.
+/// Number of key times compared at once: one vector register of `f32`.
 const LANES: usize = 8;
 
 type Lane = [f32; LANES];
@@ -37,7 +37,7 @@ pub(super) struct RegionMotion {
     pub(super) still: Vec<bool>,
     /// Factor on the weight of own rotations, 0 to 1; 0 if the scene does not model rotation.
     pub(super) rotation_quality: f64,
-    /// `x ↦ R x + p`, `[R][T/8]`; the last block is filled up with identities.
+    /// `x ↦ R x + p`, `[R][T/8]`; the last block is padded with identities.
     motions: Vec<Block>,
     /// Presence of the region, 0 to 1, `[R][T/8]`; empty if all are always present.
     presence: Vec<Lane>,
@@ -193,7 +193,7 @@ impl RegionMotion {
         worst
     }
 
-    /// Whether two regions have equal motions, without comparing them.
+    /// Whether two regions are known to have equal motions (both are static).
     #[inline(always)]
     fn share_motion(&self, a: usize, b: usize) -> bool {
         a == b || (self.still[a] && self.still[b])
@@ -231,24 +231,24 @@ fn fit_all(
     let num_times = regions.num_times();
     for first in (0..num_times).step_by(FITS) {
         let fits = Fits::of(regions, rotations, first, stencil);
-        let turn = fits.sums.rotation(prior);
+        let rotation = fits.sums.rotation(prior);
         for lane in 0..FITS.min(num_times - first) {
             let k = first + lane;
-            fits.write(turn, lane, &mut blocks[k / LANES], k % LANES);
+            fits.write(rotation, lane, &mut blocks[k / LANES], k % LANES);
         }
     }
 }
 
-/// Key times fitted at once: one vector register of `f64`.
+/// Number of key times fitted at once: one vector register of `f64`.
 const FITS: usize = 4;
 
-type Times = Lanes<FITS>;
+type FitLanes = Lanes<FITS>;
 
 /// Sums of one neighbourhood at a few key times, one lane each.
 struct Fits {
     sums: RigidFits<FITS>,
-    from: [Times; 3],
-    to: [Times; 3],
+    from: [FitLanes; 3],
+    to: [FitLanes; 3],
     /// Key time of each lane.
     times: [usize; FITS],
 }
@@ -267,11 +267,11 @@ impl Fits {
         for (lane, time) in times.iter_mut().enumerate() {
             *time = (*time).min(first + lane);
         }
-        let (mut from, mut to) = ([Times::ZERO; 3], [Times::ZERO; 3]);
-        let mut total = Times::ZERO;
+        let (mut from, mut to) = ([FitLanes::ZERO; 3], [FitLanes::ZERO; 3]);
+        let mut total = FitLanes::ZERO;
         for &(weight, i) in stencil {
             let weight = weights_at(regions, &times, i, weight);
-            let (x, y) = (regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
+            let (x, y) = (regions.rest[i].map(FitLanes::all), at_times(regions.places(i), &times));
             for a in 0..3 {
                 from[a] += weight * x[a];
                 to[a] += weight * y[a];
@@ -283,32 +283,36 @@ impl Fits {
         let mut sums = RigidFits::about(from, to);
         for &(weight, i) in stencil {
             let weight = weights_at(regions, &times, i, weight);
-            sums.add(weight, regions.rest[i].map(Times::all), at_times(regions.places(i), &times));
+            sums.add(
+                weight,
+                regions.rest[i].map(FitLanes::all),
+                at_times(regions.places(i), &times),
+            );
             sums.add_rotation(weight, at_times(&rotations[i * num_times..][..num_times], &times));
         }
         Self { sums, from, to, times }
     }
 
     #[inline(always)]
-    fn write(&self, turn: [Times; 4], lane: usize, block: &mut Block, slot: usize) {
-        let of = |values: &[Times; 3]| values.map(|value| value.0[lane]);
-        let turn = turn.map(|value| value.0[lane]);
+    fn write(&self, rotation: [FitLanes; 4], lane: usize, block: &mut Block, slot: usize) {
+        let of = |values: &[FitLanes; 3]| values.map(|value| value.0[lane]);
+        let rotation = rotation.map(|value| value.0[lane]);
         let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-            .map(|axis| quat::rotate(turn, axis));
-        let turned = quat::rotate(turn, of(&self.from));
+            .map(|axis| quat::rotate(rotation, axis));
+        let rotated = quat::rotate(rotation, of(&self.from));
         for row in 0..3 {
             for (column, values) in columns.iter().enumerate() {
                 block[row][column][slot] = f32::from_double(values[row]);
             }
-            block[row][3][slot] = f32::from_double(self.to[row].0[lane] - turned[row]);
+            block[row][3][slot] = f32::from_double(self.to[row].0[lane] - rotated[row]);
         }
     }
 }
 
 /// Weight of a neighbour at each time. If all have faded, they keep their relative weights.
 #[inline(always)]
-fn weights_at(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> Times {
-    let mut out = Times::all(weight);
+fn weights_at(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f64) -> FitLanes {
+    let mut out = FitLanes::all(weight);
     for lane in 0..FITS {
         out.0[lane] *= regions.present(times[lane], i) + FADED;
     }
@@ -316,8 +320,8 @@ fn weights_at(regions: &Trajectories, times: &[usize; FITS], i: usize, weight: f
 }
 
 #[inline(always)]
-fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [Times; N] {
-    let mut out = [Times::ZERO; N];
+fn at_times<const N: usize>(values: &[[f64; N]], times: &[usize; FITS]) -> [FitLanes; N] {
+    let mut out = [FitLanes::ZERO; N];
     for lane in 0..FITS {
         for (out, value) in out.iter_mut().zip(values[times[lane]]) {
             out.0[lane] = value;
@@ -363,7 +367,7 @@ fn rotation_quality(
         nearest_rank(&mut values, 0.5).unwrap_or(0.0)
     };
     let (difference, positions) = (middle(0), middle(1));
-    // 3e-8 rad² is a hundredth of a degree, below which differences are rounding.
+    // 3e-8 rad² is a hundredth of a degree; smaller differences are rounding.
     let own = (difference - positions).max(positions / ROTATION_PRIOR).max(3e-8);
     (positions.max(1e-7) / own / ROTATION_PRIOR).min(1.0)
 }
@@ -373,26 +377,26 @@ fn rotation_variance(
     regions: &Trajectories,
     stencil: &[(f64, usize)],
     fits: &Fits,
-    turn: [Times; 4],
-) -> Times {
+    rotation: [FitLanes; 4],
+) -> FitLanes {
     let (mut total, mut squares) = (0.0, 0.0);
-    let (mut spread, mut residual) = (Times::ZERO, Times::ZERO);
+    let (mut spread, mut residual) = (FitLanes::ZERO, FitLanes::ZERO);
     for &(weight, i) in stencil {
-        let rest = regions.rest[i].map(Times::all);
+        let rest = regions.rest[i].map(FitLanes::all);
         let moved = at_times(regions.places(i), &fits.times);
-        let expected = fits.sums.apply(turn, rest);
+        let expected = fits.sums.apply(rotation, rest);
         total += weight;
         squares += weight * weight;
         for a in 0..3 {
             let (arm, miss) = (rest[a] - fits.from[a], moved[a] - expected[a]);
-            spread += Times::all(weight) * arm * arm;
-            residual += Times::all(weight) * miss * miss;
+            spread += FitLanes::all(weight) * arm * arm;
+            residual += FitLanes::all(weight) * miss * miss;
         }
     }
     let effective: f64 = total * total / squares;
-    // Three rotation axes, each with a lever arm of two thirds of the spread; the fit uses up the
+    // Three rotation axes, each with a lever arm of two thirds of the extent; the fit consumes the
     // degrees of freedom of two points.
-    let mut variance = Times::all(1.5) * residual;
+    let mut variance = FitLanes::all(1.5) * residual;
     for lane in 0..FITS {
         let value = variance.0[lane] / (spread.0[lane] * (effective - 2.0).max(1.0));
         variance.0[lane] = if value.is_finite() { value } else { 0.0 };

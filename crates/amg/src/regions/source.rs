@@ -2,8 +2,8 @@
 //! centroids, rotations and mean normals.
 //!
 //! The distances that separate body parts (offsets of surfaces, contact zones) scale with the
-//! figure, not with its splats. Regions have a fixed share of the figure's size for any number of
-//! splats; where splats are sparse, each is its own region.
+//! figure, not with its splats. The size of regions is a fixed share of the figure's size, for any
+//! number of splats; where splats are sparse, each is a separate region.
 
 use super::normals::{RING, RingMean, thin_axis, typical_scatter};
 use crate::keyframes::{FADED, KeyFrames};
@@ -14,8 +14,8 @@ use anchors::{CellParams, Cells, RigidNeighbors, Trajectories};
 use gs_core::{Real, quat};
 use rayon::prelude::*;
 
-/// Lower bound of a splat's weight: neighbourhoods of invisible splats still have a motion.
-pub(super) const LEAST_OPACITY: f64 = 1e-3;
+/// Lower bound of a splat's weight, so that neighbourhoods of invisible splats also have a motion.
+pub(super) const MIN_OPACITY: f64 = 1e-3;
 
 /// Power iterations for a mean axis. Normals within a region differ by less than 45°, so each
 /// iteration at least halves the error.
@@ -28,13 +28,13 @@ pub(super) struct Regions {
     pub(super) ids: Vec<usize>,
     /// Centres of all points, about the origin of the pose, world units, `[N]`.
     pub(super) means: Vec<[f64; 3]>,
-    /// Opacities of all points, at least [`LEAST_OPACITY`], `[N]`.
+    /// Opacities of all points, at least [`MIN_OPACITY`], `[N]`.
     pub(super) weights: Vec<f64>,
     /// Membership of points in regions.
     pub(super) cells: Cells,
-    /// Centres of the members, region by region: [`Self::means`] where regions are read as wholes.
+    /// Centres of the members, region by region, for contiguous access.
     member_means: Vec<[f64; 3]>,
-    /// Where the members of each region begin there, `[R+1]`.
+    /// Start of the members of each region in `member_means`, and the end of the last, `[R+1]`.
     starts: Vec<usize>,
     /// Centroids of the regions, `[R]`, and their positions at the key times.
     pub(super) centroids: Trajectories,
@@ -44,14 +44,14 @@ pub(super) struct Regions {
     pub(super) axes: Vec<[f64; 3]>,
     /// [`typical_scatter`] of the thin axes of the moving points; `None` if they are balls.
     pub(super) scatter: Option<f64>,
-    /// Points that belong to no region.
+    /// Number of points that belong to no region.
     pub(super) num_outliers: usize,
     /// Noise of the splats' trajectories, see [`RigidNeighbors::noise`].
     pub(super) noise: f64,
 }
 
-/// Trajectories of the usable sources. Those that do not move keep their place and are always
-/// present: their displacements and their fading are noise.
+/// Trajectories of the usable sources. Static splats are given constant positions and are always
+/// present: their displacements and fading are noise.
 fn trajectories(
     keys: &KeyFrames,
     ids: &[usize],
@@ -84,7 +84,7 @@ fn trajectories(
 /// Opacity as a weight; splats without a finite opacity count as invisible.
 fn opacity_weight(keys: &KeyFrames, i: usize) -> f64 {
     let opacity = f64::from(keys.at_edit.opacity(i));
-    if opacity.is_finite() { opacity.max(LEAST_OPACITY) } else { LEAST_OPACITY }
+    if opacity.is_finite() { opacity.max(MIN_OPACITY) } else { MIN_OPACITY }
 }
 
 impl Regions {
@@ -205,7 +205,7 @@ fn centroids(points: &Trajectories, members: &[Vec<u32>]) -> Trajectories {
         for &p in members {
             let p = p as usize;
             for (k, ((sum, total), place)) in sums.iter_mut().zip(points.places(p)).enumerate() {
-                // Where splats fade, the centroid follows the members that are still there.
+                // If splats fade, the centroid follows the members that are still present.
                 let seen = if fades { points.present(k, p) + FADED } else { 1.0 };
                 let weight = points.weights[p] * seen;
                 add(sum, weight, sub(*place, points.rest[p]));
@@ -265,7 +265,7 @@ fn rotations(
             }
             quat::normalize(sum)
         };
-        keys.turns.iter().map(at).collect()
+        keys.rotations.iter().map(at).collect()
     };
     members.par_iter().with_min_len(256).flat_map_iter(of_region).collect()
 }

@@ -12,15 +12,15 @@ use anchors::Neighbor;
 use gs_core::Real;
 use std::cmp::Ordering;
 
-/// Regions whose splats are candidates for a support: at least [`MIN_REGIONS`], and as far as
-/// [`MAX_REGIONS`] while these have few splats each.
+/// Regions whose splats are candidates for a support: at least [`MIN_REGIONS`], and at most
+/// [`MAX_REGIONS`] if these contain few splats each.
 const MIN_REGIONS: usize = 8;
 const MAX_REGIONS: usize = 24;
 
-/// Candidate regions of a splat that is far from all regions.
+/// Number of candidate regions of a splat that is far from all regions.
 const FAR_REGIONS: usize = 256;
 
-/// Largest difference between the motion of a splat's region and that of a region in its support,
+/// Maximum difference between the motion of a splat's region and that of a region in its support,
 /// as a share of [`Supports::tolerance`]; far splats use the full tolerance.
 const NEAR_TOLERANCE: f32 = 0.7;
 
@@ -30,28 +30,28 @@ const KERNEL: f64 = 1.8;
 const KERNEL_GROWTH: f64 = 0.09;
 
 /// Ridge of the local linear regression, as a share of the trace of the covariance: directions in
-/// which a support has less spread are not centred.
+/// which a support has a smaller extent are not centred.
 const RIDGE: f64 = 0.15;
 
-/// Bounds on the factors by which centring changes weights.
+/// Minimum and maximum factor by which centring changes weights.
 const CENTRING: [f64; 2] = [0.1, 4.0];
 
-/// Regions compared per call of the vectorised comparison.
+/// Number of regions per call of the vectorised comparison.
 const CHUNK: usize = 8;
 
-/// Smaller weights do not change a fit beyond rounding and are left out.
+/// Smaller weights do not change a fit beyond rounding and are omitted.
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// Buffers reused from splat to splat.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(super) struct SupportScratch {
     deviations: Vec<f32>,
     path: Path,
     /// Squared distance and id of the nearest candidate points.
     points: Vec<(f64, u32)>,
     nearest_of_region: Vec<(f64, u32)>,
     entries: Vec<(u32, f64)>,
-    /// The last region of which far splats needed the neighbours, and these.
+    /// Last region whose neighbours were searched for far splats, and these neighbours.
     around: Option<(u32, Vec<Neighbor>)>,
     ids: Vec<u32>,
 }
@@ -76,11 +76,11 @@ impl Supports<'_> {
         x: [f64; 3],
         cube: &Cube,
         own: u32,
-        scratch: &mut Scratch,
+        scratch: &mut SupportScratch,
     ) -> Vec<(u32, f32)> {
         self.collect_points(x, cube, own, scratch);
         self.select_points(scratch);
-        let Scratch { points, entries, .. } = scratch;
+        let SupportScratch { points, entries, .. } = scratch;
         let h = self.spacing[own as usize];
         let nearest = points[0].0;
         let width = (KERNEL * h).powi(2) + KERNEL_GROWTH * nearest;
@@ -93,7 +93,7 @@ impl Supports<'_> {
         let is_still = |&(p, _): &(u32, f64)| {
             self.motion.still[self.regions.cells.owners[p as usize] as usize]
         };
-        // Sources that do not move cannot disagree.
+        // Static sources agree by definition.
         if !entries.iter().all(is_still) {
             self.consensus.reweight(entries);
             self.centre(entries, x);
@@ -104,8 +104,8 @@ impl Supports<'_> {
     /// Collects the points of the regions of `cube` that move with region `own`, nearest regions
     /// first, until there are enough: of all these points, at least the `sources_per_row` nearest;
     /// and the nearest point of each region.
-    fn collect_points(&self, x: [f64; 3], cube: &Cube, own: u32, scratch: &mut Scratch) {
-        let Scratch { deviations, path, points, nearest_of_region, .. } = scratch;
+    fn collect_points(&self, x: [f64; 3], cube: &Cube, own: u32, scratch: &mut SupportScratch) {
+        let SupportScratch { deviations, path, points, nearest_of_region, .. } = scratch;
         self.motion.path(own as usize, x.map(Real::as_f32), path);
         points.clear();
         nearest_of_region.clear();
@@ -149,8 +149,8 @@ impl Supports<'_> {
 
     /// Reduces the collected points to a support: one half as near as possible, for the
     /// translation; the other half one point per region, spread out, for the rotation.
-    fn select_points(&self, scratch: &mut Scratch) {
-        let Scratch { points, nearest_of_region, .. } = scratch;
+    fn select_points(&self, scratch: &mut SupportScratch) {
+        let SupportScratch { points, nearest_of_region, .. } = scratch;
         let half = self.sources_per_row.div_ceil(2);
         let near = half.max(self.sources_per_row.saturating_sub(nearest_of_region.len()));
         if points.len() > near {
@@ -164,10 +164,10 @@ impl Supports<'_> {
         points.extend_from_slice(nearest_of_region);
     }
 
-    /// Tilts the weights to bring their centroid next to `x`, as local linear regression does.
+    /// Tilts the weights so that their centroid approaches `x`, as in local linear regression.
     /// Motion that varies linearly over a stretching or bending part then cancels, and supports may
-    /// be wide. Along the normal, where supports have no spread, the rigid motion accounts for the
-    /// offset.
+    /// be wide. Along the normal, in which supports have no extent, the rigid motion accounts for
+    /// the offset.
     fn centre(&self, entries: &mut [(u32, f64)], x: [f64; 3]) {
         let total: f64 = entries.iter().map(|entry| entry.1).sum();
         let place = |point: u32| self.regions.means[point as usize];
@@ -205,9 +205,14 @@ impl Supports<'_> {
     }
 
     /// Sources for a splat at `x` far from all regions that follows region `own`. The support grows
-    /// with the lever arm, as far as regions share the motion.
-    pub(super) fn far(&self, x: [f64; 3], own: u32, scratch: &mut Scratch) -> Vec<(u32, f32)> {
-        let Scratch { deviations, path, around, ids, .. } = scratch;
+    /// with the lever arm, as far as the regions share the motion.
+    pub(super) fn far(
+        &self,
+        x: [f64; 3],
+        own: u32,
+        scratch: &mut SupportScratch,
+    ) -> Vec<(u32, f32)> {
+        let SupportScratch { deviations, path, around, ids, .. } = scratch;
         let centre = self.regions.centroids.rest[own as usize];
         let lever = norm(sub(x, centre));
         // The splats of one piece mostly follow one region.

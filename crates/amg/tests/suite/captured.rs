@@ -46,7 +46,7 @@ fn farthest(before: &[[f32; 3]], after: &[[f32; 3]], by: [f32; 3]) -> f32 {
 }
 
 #[test]
-fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
+fn incoherent_motion_of_a_wall_is_ignored() {
     const SIDE: usize = 30;
     let slide = |i: usize, t: f32| [0, 1].map(|a| t * 0.05 * scatter(i, a));
     let frames: Vec<Splats> = [0.0_f32, 0.5, 1.0]
@@ -79,7 +79,7 @@ fn a_wall_that_slides_unseen_stays_put_in_the_edit() {
 }
 
 #[test]
-fn where_faded_splats_would_be_says_nothing() {
+fn faded_splats_do_not_determine_motion() {
     // Every other splat fades and then moves away while invisible; at half time it is still with
     // the others.
     let at = |t: f32| {
@@ -111,7 +111,7 @@ fn where_faded_splats_would_be_says_nothing() {
 }
 
 #[test]
-fn what_fades_as_a_whole_still_moves_and_fades() {
+fn objects_that_fade_as_a_whole_are_followed() {
     let at = |t: f32| {
         let mut frame = Splats::default();
         block(&mut frame, [t, 0.0, 0.0], |_| 2.0 - 8.0 * t);

@@ -1,5 +1,5 @@
-//! Scenes other than the goldens: another figure, other motions, other seeds, known true motion.
-use amg::{Aggregation, Binding, EditedScene, MotionOptions, Preset, propagate};
+//! Scenes other than the goldens: a different figure, motions and seeds, with known true motion.
+use amg::{Aggregation, Binding, EditedScene, MotionOptions, MotionPreset, propagate};
 use gs_core::{DynamicScene, SplitMix64, standard_normal};
 use gs_synth::{
     MotionError, Tag, Truth, TruthCase, build, motion_error, motion_error_of, rigid_neighbors,
@@ -27,7 +27,7 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     let scene = build(case.parse::<TruthCase>().unwrap(), seed, size).unwrap();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.source.clone());
     let edited = Arc::new(scene.edited.splats.clone());
-    let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
+    let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
         let options = MotionOptions::preset(preset);
         propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {}).unwrap().scene
     });
@@ -45,28 +45,29 @@ fn errors(case: &str, seed: u64, size: usize) -> [Scores; 3] {
     [knn, control, best].map(|found| scored(&found, &scene.edited.truth, &is_edited))
 }
 
-/// Limits as shares of KNN-Guide's error and, of rotations, in degrees, about a quarter above the
-/// measured values; on edited splats, the control is not better.
+/// Limits of the error as a share of KNN-Guide's, and of the rotation error in degrees: about a
+/// tenth above the measured values. On edited splats, the error is at most that of the control,
+/// within 3 % (measured: 0.03 to 1.02 times).
 #[test]
-fn the_default_is_far_ahead_of_the_nearest_neighbors() {
+fn the_default_has_smaller_errors_than_nearest_neighbors() {
     for (case, share, rotation) in [
-        ("drift", 0.3, 0.53),
-        ("clothing", 0.14, 0.74),
-        ("prune-split", 0.38, 0.51),
-        ("graft-hat", 0.35, 0.35),
-        ("graft-horns", 0.55, 0.41),
-        ("graft-wings", 0.13, 0.37),
-        ("graft-block", 0.42, 0.39),
-        ("graft-stick", 0.23, 0.42),
-        ("graft-halo", 0.44, 0.41),
-        ("blocky", 0.5, 2.1),
-        ("grazing-limb", 0.33, 0.46),
-        ("touch-and-part", 0.2, 0.14),
-        ("fast-rotation", 0.04, 0.46),
-        ("stretching-cloth", 0.34, 0.41),
-        ("floaters-outliers", 0.13, 0.55),
-        ("noisy-reconstruction", 0.41, 2.0),
-        ("everything", 0.15, 1.0),
+        ("drift", 0.26, 0.47),
+        ("clothing", 0.1, 0.66),
+        ("prune-split", 0.33, 0.46),
+        ("graft-hat", 0.31, 0.32),
+        ("graft-horns", 0.5, 0.36),
+        ("graft-wings", 0.105, 0.33),
+        ("graft-block", 0.37, 0.35),
+        ("graft-stick", 0.195, 0.37),
+        ("graft-halo", 0.39, 0.37),
+        ("blocky", 0.43, 1.83),
+        ("grazing-limb", 0.27, 0.42),
+        ("touch-and-part", 0.115, 0.155),
+        ("fast-rotation", 0.027, 0.41),
+        ("stretching-cloth", 0.28, 0.36),
+        ("floaters-outliers", 0.087, 0.49),
+        ("noisy-reconstruction", 0.35, 1.77),
+        ("everything", 0.134, 0.89),
     ] {
         let [knn, control, best] = errors(case, 3, 3000);
         assert!(
@@ -75,11 +76,8 @@ fn the_default_is_far_ahead_of_the_nearest_neighbors() {
             best.all.epe,
             knn.all.epe
         );
-        // Where two objects touch, it is ambiguous to which one a splat between them belongs, and a
-        // single splat accounts for a fifth of the error.
-        let slack = if case == "touch-and-part" { 1.5 } else { 1.02 };
         assert!(
-            best.edited.epe <= slack * control.edited.epe,
+            best.edited.epe <= 1.03 * control.edited.epe,
             "{case}, edited splats: {:.4} against {:.4} of the control",
             best.edited.epe,
             control.edited.epe
@@ -89,7 +87,7 @@ fn the_default_is_far_ahead_of_the_nearest_neighbors() {
 }
 
 #[test]
-fn untouched_geometry_keeps_its_motion_whatever_the_guide() {
+fn unchanged_geometry_keeps_its_motion_with_any_guide() {
     for case in ["recolour", "shuffled-rows"] {
         let [knn, _, best] = errors(case, 2, 1500);
         let (knn, best) = (knn.all.epe, best.all.epe);
@@ -98,7 +96,7 @@ fn untouched_geometry_keeps_its_motion_whatever_the_guide() {
 }
 
 /// Rotations with noise of 0.2 per component of the unit quaternion, about 23°, as in an edit that
-/// was fitted to pictures, make thin axes unreliable.
+/// was fitted to images, make thin axes unreliable.
 #[test]
 fn noisy_rotations_of_an_edit_change_its_motion_little() {
     let [mut clean, mut noisy] = [0.0, 0.0];
@@ -110,14 +108,15 @@ fn noisy_rotations_of_an_edit_change_its_motion_little() {
             scene.edited.truth.tags.iter().map(|t| *t == Tag::Clothing).collect();
         let mut generator = SplitMix64::new(seed);
         let mut uniform = || generator.next_u64() as f64 / 2.0_f64.powi(64);
-        let mut turned = edited.clone();
-        for (row, quat) in turned.quats.iter_mut().enumerate().filter(|(row, _)| is_open[*row]) {
+        let mut noisy_edit = edited.clone();
+        for (row, quat) in noisy_edit.quats.iter_mut().enumerate().filter(|(row, _)| is_open[*row])
+        {
             *quat = gs_core::quat::normalize(*quat)
                 .map(|c| c + 0.2 * standard_normal(uniform(), uniform()) as f32);
-            // other bits, so that the shape does not identify the source splat
-            turned.log_scales[row][0] += 1e-3;
+            // different bits, so that the shape does not identify the source splat
+            noisy_edit.log_scales[row][0] += 1e-3;
         }
-        for (splats, sum) in [(edited.clone(), &mut clean), (turned, &mut noisy)] {
+        for (splats, sum) in [(edited.clone(), &mut clean), (noisy_edit, &mut noisy)] {
             let options = MotionOptions::default();
             let found =
                 propagate(Arc::clone(&source), Arc::new(splats), &options, &|_, _| {}).unwrap();

@@ -1,6 +1,6 @@
 //! New geometry attached to a figure stays rigid and moves with the part to which it is attached.
 use crate::common::Table;
-use amg::{MotionOptions, Preset, propagate};
+use amg::{MotionOptions, MotionPreset, propagate};
 use gs_core::{DynamicScene, Splats, quat};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ fn cuboid(out: &mut Splats, low: [f32; 3], high: [f32; 3]) {
     }
 }
 
-fn nothing() -> Splats {
+fn no_splats() -> Splats {
     Splats {
         means: Vec::new(),
         quats: Vec::new(),
@@ -50,7 +50,7 @@ fn nothing() -> Splats {
 }
 
 /// Rotates all splats about an axis through `pivot`.
-fn turn(splats: &mut Splats, axis: [f32; 3], angle: f32, pivot: [f32; 3]) {
+fn rotate(splats: &mut Splats, axis: [f32; 3], angle: f32, pivot: [f32; 3]) {
     let (sin, cos) = (0.5 * angle).sin_cos();
     let q = [cos, sin * axis[0], sin * axis[1], sin * axis[2]];
     for mean in &mut splats.means {
@@ -68,22 +68,22 @@ fn beat(k: usize) -> f32 {
 
 /// Motion of the trunk.
 fn sway(splats: &mut Splats, k: usize) {
-    turn(splats, [0.0, 0.0, 1.0], 0.3 * beat(k), [0.0; 3]);
-    turn(splats, [0.0, 1.0, 0.0], 0.5 * beat(k), [0.0; 3]);
+    rotate(splats, [0.0, 0.0, 1.0], 0.3 * beat(k), [0.0; 3]);
+    rotate(splats, [0.0, 1.0, 0.0], 0.5 * beat(k), [0.0; 3]);
 }
 
 /// Motion of the arm: rotation about its shoulder, then the motion of the trunk.
 fn swing(splats: &mut Splats, k: usize) {
-    turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
+    rotate(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
     sway(splats, k);
 }
 
 /// A trunk that sways, and an arm next to it that also swings about its shoulder.
 fn figure() -> Table {
     let frame = |k: usize| {
-        let mut splats = nothing();
+        let mut splats = no_splats();
         cuboid(&mut splats, [-0.25, 0.0, -0.12], [0.25, HEIGHT, 0.12]);
-        let mut arm = nothing();
+        let mut arm = no_splats();
         cuboid(&mut arm, [0.27, 0.7, 0.0], [0.39, HEIGHT, 0.12]);
         sway(&mut splats, k);
         swing(&mut arm, k);
@@ -96,11 +96,11 @@ fn figure() -> Table {
 }
 
 /// Positions of the splats of `graft`, added to `rest`, at every frame.
-fn carried(
+fn graft_positions(
     source: &Table,
     rest: &Splats,
     graft: &Splats,
-    preset: Preset,
+    preset: MotionPreset,
 ) -> impl Iterator<Item = Vec<[f32; 3]>> {
     let mut edited = rest.clone();
     for i in 0..graft.len() {
@@ -119,13 +119,13 @@ fn carried(
 /// Largest error of splats of `graft` against the motion `truth`, over splats and times, as a share
 /// of the figure's height.
 fn worst(
-    carried: impl Iterator<Item = Vec<[f32; 3]>>,
+    graft_positions: impl Iterator<Item = Vec<[f32; 3]>>,
     graft: &Splats,
     truth: impl Fn(&mut Splats, usize),
     which: impl Fn([f32; 3]) -> bool,
 ) -> f32 {
     let mut worst = 0.0_f32;
-    for (k, means) in carried.enumerate() {
+    for (k, means) in graft_positions.enumerate() {
         let mut expected = graft.clone();
         truth(&mut expected, k);
         for (i, mean) in means.iter().enumerate().filter(|(i, _)| which(graft.means[*i])) {
@@ -150,14 +150,14 @@ fn shaken(splats: &Splats, size: f32) -> Splats {
 /// A block on the front of the trunk; one of its edges touches the arm. Nearest neighbours tear it
 /// apart, which is the negative control.
 #[test]
-fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
+fn a_block_attached_to_a_moving_trunk_stays_rigid() {
     let source = figure();
     for depth in [0.10, 0.15, 0.30] {
-        let mut block = nothing();
+        let mut block = no_splats();
         cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
-                worst(carried(&source, &rest, &block, preset), &block, sway, |_| true)
+            let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
+                worst(graft_positions(&source, &rest, &block, preset), &block, sway, |_| true)
             });
             assert!(knn > 0.2, "depth {depth}: {knn}");
             assert!(best < 1e-3, "depth {depth}: {best}");
@@ -168,16 +168,16 @@ fn a_block_on_the_trunk_is_not_torn_by_an_arm_it_touches() {
 /// A block with similar contact to trunk and arm is a graft of neither: each end moves with the
 /// part that it touches.
 #[test]
-fn a_block_that_two_parts_hold_equally_bends() {
+fn a_block_with_two_equal_contacts_bends() {
     let source = figure();
     let rest = &source.frames[0];
-    let mut block = nothing();
+    let mut block = no_splats();
     cuboid(&mut block, [0.10, 0.9, 0.13], [0.39, 1.25, 0.28]);
     let ends = [
-        worst(carried(&source, rest, &block, Preset::Regions), &block, sway, |x| {
+        worst(graft_positions(&source, rest, &block, MotionPreset::Regions), &block, sway, |x| {
             x[0] < 0.18 && x[2] < 0.14
         }),
-        worst(carried(&source, rest, &block, Preset::Regions), &block, swing, |x| {
+        worst(graft_positions(&source, rest, &block, MotionPreset::Regions), &block, swing, |x| {
             x[0] > 0.33 && x[2] < 0.14
         }),
     ];
@@ -186,16 +186,16 @@ fn a_block_that_two_parts_hold_equally_bends() {
 
 /// The arm of [`figure`] swings next to a static trunk.
 fn swing_alone(splats: &mut Splats, k: usize) {
-    turn(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
+    rotate(splats, [1.0, 0.0, 0.0], 0.9 * beat(k), [0.33, 1.35, 0.06]);
 }
 
 fn still(_: &mut Splats, _: usize) {}
 
 fn standing() -> Table {
     let frame = |k: usize| {
-        let mut splats = nothing();
+        let mut splats = no_splats();
         cuboid(&mut splats, [-0.25, 0.0, -0.12], [0.25, HEIGHT, 0.12]);
-        let mut arm = nothing();
+        let mut arm = no_splats();
         cuboid(&mut arm, [0.27, 0.7, 0.0], [0.39, HEIGHT, 0.12]);
         swing_alone(&mut arm, k);
         for i in 0..arm.len() {
@@ -208,14 +208,14 @@ fn standing() -> Table {
 
 /// Grafts on static parts stay static.
 #[test]
-fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
+fn a_block_attached_to_a_static_trunk_is_static() {
     let source = standing();
     for depth in [0.04, 0.10, 0.30] {
-        let mut block = nothing();
+        let mut block = no_splats();
         cuboid(&mut block, [-0.20, 0.9, 0.13], [0.34, 1.25, 0.13 + depth]);
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
-                worst(carried(&source, &rest, &block, preset), &block, still, |_| true)
+            let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
+                worst(graft_positions(&source, &rest, &block, preset), &block, still, |_| true)
             });
             assert!(knn > 0.2, "depth {depth}: {knn}");
             assert!(best < 1e-3, "depth {depth}: {best}");
@@ -225,7 +225,7 @@ fn a_block_on_a_still_trunk_is_not_torn_by_an_arm_it_touches() {
 
 /// A stick thinner than any limb, held at the end of the arm; its other half is next to the trunk.
 #[test]
-fn a_thin_stick_moves_with_the_hand_that_holds_it() {
+fn a_stick_moves_with_the_hand() {
     for (name, source, truth) in [
         ("swaying", figure(), swing as fn(&mut Splats, usize)),
         ("standing", standing(), swing_alone as fn(&mut Splats, usize)),
@@ -233,11 +233,11 @@ fn a_thin_stick_moves_with_the_hand_that_holds_it() {
         for (low, high) in
             [([0.31, 0.3, 0.125], [0.35, 1.0, 0.155]), ([0.30, 0.60, 0.125], [0.36, 1.3, 0.145])]
         {
-            let mut stick = nothing();
+            let mut stick = no_splats();
             cuboid(&mut stick, low, high);
             for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-                let [knn, best] = [Preset::Knn, Preset::Regions].map(|preset| {
-                    worst(carried(&source, &rest, &stick, preset), &stick, truth, |_| true)
+                let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
+                    worst(graft_positions(&source, &rest, &stick, preset), &stick, truth, |_| true)
                 });
                 assert!(knn > 0.2, "{name}, from {low:?}: {knn}");
                 assert!(best < 1e-3, "{name}, from {low:?}: {best}");
@@ -248,10 +248,10 @@ fn a_thin_stick_moves_with_the_hand_that_holds_it() {
 
 /// A ring that hovers over the trunk without contact.
 #[test]
-fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
+fn a_detached_ring_moves_rigidly_with_the_nearest_part() {
     let source = figure();
     for gap in [0.03, 0.06, 0.15] {
-        let mut ring = nothing();
+        let mut ring = no_splats();
         for i in 0..120_u16 {
             let (sin, cos) = (std::f32::consts::TAU * f32::from(i) / 120.0).sin_cos();
             for d in [[0.0, 0.0], [0.02, 0.0], [0.0, 0.02]] {
@@ -264,8 +264,9 @@ fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
             }
         }
         for rest in [source.frames[0].clone(), shaken(&source.frames[0], 0.003)] {
-            let [knn, best] = [Preset::Knn, Preset::Regions]
-                .map(|preset| worst(carried(&source, &rest, &ring, preset), &ring, sway, |_| true));
+            let [knn, best] = [MotionPreset::Knn, MotionPreset::Regions].map(|preset| {
+                worst(graft_positions(&source, &rest, &ring, preset), &ring, sway, |_| true)
+            });
             assert!(knn > 0.03, "gap {gap}: {knn}");
             assert!(best < 1e-3, "gap {gap}: {best}");
         }
@@ -274,12 +275,12 @@ fn a_hovering_ring_moves_as_one_with_what_is_nearest() {
 
 /// A sleeve over both halves of an arm that bends at the elbow is thin like a stick, but must bend.
 #[test]
-fn a_sleeve_bends() {
+fn a_sleeve_bends_with_the_elbow() {
     let bend = |splats: &mut Splats, k: usize| {
-        turn(splats, [0.0, 0.0, 1.0], 0.9 * beat(k), [0.0, 0.7, 0.0]);
+        rotate(splats, [0.0, 0.0, 1.0], 0.9 * beat(k), [0.0, 0.7, 0.0]);
     };
     let frame = |k: usize| {
-        let (mut upper, mut lower) = (nothing(), nothing());
+        let (mut upper, mut lower) = (no_splats(), no_splats());
         cuboid(&mut upper, [-0.08, 0.72, -0.08], [0.08, HEIGHT, 0.08]);
         cuboid(&mut lower, [-0.08, 0.0, -0.08], [0.08, 0.68, 0.08]);
         bend(&mut lower, k);
@@ -291,11 +292,11 @@ fn a_sleeve_bends() {
         upper
     };
     let source = Table::new((0..FRAMES).map(frame).collect());
-    let mut sleeve = nothing();
+    let mut sleeve = no_splats();
     cuboid(&mut sleeve, [-0.11, 0.3, -0.11], [0.11, 1.1, 0.11]);
     let rest = &source.frames[0];
     let at = |truth: &dyn Fn(&mut Splats, usize), which: &dyn Fn([f32; 3]) -> bool| {
-        worst(carried(&source, rest, &sleeve, Preset::Regions), &sleeve, truth, which)
+        worst(graft_positions(&source, rest, &sleeve, MotionPreset::Regions), &sleeve, truth, which)
     };
     let ends = [
         at(&sway, &|x| x[1] > 0.85),

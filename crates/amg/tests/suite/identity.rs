@@ -19,11 +19,11 @@ fn all_unchanged(source: &Splats, edited: &Splats, what: &str) {
     for (row, id) in (0_u32..).enumerate().take(edited.len()) {
         assert_eq!(found.rows[row], Identity::Unchanged(id), "{what}: row {row}");
     }
-    assert!(found.vanished.is_empty(), "{what}: nothing vanished");
+    assert!(found.removed.is_empty(), "{what}: nothing removed");
 }
 
 #[test]
-fn what_editors_do_without_meaning_to() {
+fn side_effects_of_editors_are_tolerated() {
     let source = source();
     all_unchanged(&source, &source, "untouched");
 
@@ -75,7 +75,7 @@ fn shuffled_rows_are_found_by_value() {
 }
 
 #[test]
-fn real_edits_are_not_taken_for_rounding() {
+fn small_edits_are_distinguished_from_rounding() {
     let source = source();
     let mut edited = source.clone();
     edited.sh[0][1] += 0.01;
@@ -84,14 +84,14 @@ fn real_edits_are_not_taken_for_rounding() {
     edited.log_scales[3][1] += 0.01;
     edited.quats[4] = gs_core::quat::mul([0.999, 0.04, 0.0, 0.0], edited.quats[4]);
     let found = map(&source, &edited);
-    assert_eq!(found.rows[..2], [Identity::Recoloured(0), Identity::Recoloured(1)], "appearance");
+    assert_eq!(found.rows[..2], [Identity::Recolored(0), Identity::Recolored(1)], "appearance");
     assert!(found.rows[2..5].iter().all(|r| *r == Identity::Edited), "{:?}", &found.rows[..5]);
-    assert_eq!((found.unchanged, found.recoloured, found.edited), (195, 2, 3), "counts");
-    assert_eq!(found.vanished, [2, 3, 4], "their sources are not found");
+    assert_eq!((found.unchanged, found.recolored, found.edited), (195, 2, 3), "counts");
+    assert_eq!(found.removed, [2, 3, 4], "their sources are not found");
 }
 
 #[test]
-fn coincident_splats_are_paired_one_to_one_by_colour_first() {
+fn coincident_splats_are_paired_one_to_one_and_by_colour() {
     let mut source = source().select(&[0, 0, 0, 1]);
     for (i, sh) in (0_u8..).zip(&mut source.sh) {
         *sh = [f32::from(i); 3];
@@ -106,7 +106,7 @@ fn coincident_splats_are_paired_one_to_one_by_colour_first() {
     assert_eq!(found.rows, [0, 1, 2].map(Identity::Unchanged), "true duplicates pair in order");
     let found = map(&twins, &twins.select(&[0, 0, 0, 0, 0]));
     assert_eq!(found.unchanged, 5, "surplus copies are still that splat");
-    assert!(found.vanished.is_empty(), "{found:?}");
+    assert!(found.removed.is_empty(), "{found:?}");
 }
 
 #[test]
@@ -116,11 +116,11 @@ fn ten_thousand_coincident_splats_take_linear_time() {
 }
 
 #[test]
-fn switched_off_and_hostile_input() {
+fn disabled_identity_and_invalid_input() {
     let source = source();
     let off = IdentityParams { enabled: false, ..IdentityParams::default() };
     let found = IdentityMap::of(&source, &source, &off).unwrap();
-    assert_eq!((found.edited, found.vanished.len()), (200, 200), "everything counts as edited");
+    assert_eq!((found.edited, found.removed.len()), (200, 200), "everything counts as edited");
 
     let mut edited = source.clone();
     edited.means[0][0] = f32::NAN;
@@ -159,7 +159,7 @@ fn coarse(source: &Splats) -> (Splats, RowPrecision) {
 }
 
 #[test]
-fn what_only_the_format_changed_is_unchanged() {
+fn rounding_of_the_file_format_is_not_an_edit() {
     let source = source().with_sh_degree(1);
     let (stored, precision) = coarse(&source);
     let order: Vec<usize> = (0..200).map(|i| (i * 77 + 13) % 200).collect();
@@ -181,7 +181,7 @@ fn what_only_the_format_changed_is_unchanged() {
     edited.means[1][2] += 5e-3;
     edited.quats[2] = quat::mul(edited.quats[2], [0.995, 0.0998, 0.0, 0.0]);
     let found = IdentityMap::of(&source, &edited, &params).unwrap();
-    assert_eq!(found.rows[0], Identity::Recoloured(order[0] as u32), "colour");
+    assert_eq!(found.rows[0], Identity::Recolored(order[0] as u32), "colour");
     assert_eq!((found.rows[1], found.rows[2]), (Identity::Edited, Identity::Edited), "geometry");
 
     let restored = found.restore(&source, &edited.with_sh_degree(1));

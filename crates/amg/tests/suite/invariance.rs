@@ -1,7 +1,7 @@
 //! The default does not depend on the position, orientation and size of the scene, or on the order
 //! of splats in files.
 use crate::common::{Table, golden_edit, golden_source};
-use amg::{MotionOptions, Preset, propagate};
+use amg::{MotionOptions, MotionPreset, propagate};
 use gs_core::{DynamicScene, Splats, quat};
 use gs_synth::TruthCase;
 use proptest::array::{uniform3, uniform4};
@@ -10,14 +10,14 @@ use proptest::test_runner::{Config, RngSeed, TestRunner};
 use std::sync::Arc;
 
 #[derive(Debug, Clone, Copy)]
-struct Placement {
+struct TestPose {
     turn: [f32; 4],
     scale: f32,
     /// In multiples of the scaled figure's size.
     shift: [f32; 3],
 }
 
-impl Placement {
+impl TestPose {
     fn of(&self, splats: &Splats, size: f64) -> Splats {
         let mut out = splats.clone();
         let shift = self.shift.map(|s| f64::from(s) * size * f64::from(self.scale));
@@ -61,11 +61,11 @@ fn synthetic(case: TruthCase, num_splats: usize) -> Case {
 }
 
 /// The edit at every frame.
-fn carried(source: &Table, edited: &Splats) -> Vec<Splats> {
-    carried_by(Preset::Regions, source, edited)
+fn propagated(source: &Table, edited: &Splats) -> Vec<Splats> {
+    propagated_with(MotionPreset::Regions, source, edited)
 }
 
-fn carried_by(preset: Preset, source: &Table, edited: &Splats) -> Vec<Splats> {
+fn propagated_with(preset: MotionPreset, source: &Table, edited: &Splats) -> Vec<Splats> {
     let options = MotionOptions::preset(preset);
     let found = propagate(Arc::new(source.clone()), Arc::new(edited.clone()), &options, &|_, _| {})
         .unwrap();
@@ -84,27 +84,27 @@ fn strays(a: &[Splats], b: &[Splats], limit: f64) -> usize {
 
 /// Number of splats that differ by more than 1e-4 of the figure between the result for a placed
 /// source and edit, and the placed result for the original scene.
-fn misplaced(case: &Case, here: &[Splats], placed: Placement, edit: Placement) -> usize {
-    misplaced_by(Preset::Regions, case, here, placed, edit)
+fn misplaced(case: &Case, here: &[Splats], placed: TestPose, edit: TestPose) -> usize {
+    misplaced_by(MotionPreset::Regions, case, here, placed, edit)
 }
 
 fn misplaced_by(
-    preset: Preset,
+    preset: MotionPreset,
     case: &Case,
     here: &[Splats],
-    placed: Placement,
-    edit: Placement,
+    placed: TestPose,
+    edit: TestPose,
 ) -> usize {
     let Case { source, edited, size, .. } = case;
     let all = |frames: &[Splats]| frames.iter().map(|f| placed.of(f, *size)).collect::<Vec<_>>();
-    let there = carried_by(preset, &Table::new(all(&source.frames)), &edit.of(edited, *size));
+    let there = propagated_with(preset, &Table::new(all(&source.frames)), &edit.of(edited, *size));
     strays(&there, &all(here), 1e-4 * size * f64::from(placed.scale))
 }
 
 /// Scales from a thousandth to a thousand, any rotation, up to ten figure sizes from the origin.
 /// Rounding changes the decision for about one splat in a thousand: none, one or two here.
 #[test]
-fn placing_the_scene_places_the_result() {
+fn transforming_scene_and_edit_transforms_the_result() {
     let cases = [
         golden("drift"),
         golden("all"),
@@ -119,11 +119,10 @@ fn placing_the_scene_places_the_result() {
         failure_persistence: None,
         ..Config::default()
     });
-    let placements = (uniform4(-1.0_f32..1.0), -3.0_f32..3.0, uniform3(-10.0_f32..10.0)).prop_map(
-        |(turn, decades, shift)| Placement { turn, scale: 10.0_f32.powf(decades), shift },
-    );
+    let placements = (uniform4(-1.0_f32..1.0), -3.0_f32..3.0, uniform3(-10.0_f32..10.0))
+        .prop_map(|(turn, decades, shift)| TestPose { turn, scale: 10.0_f32.powf(decades), shift });
     for case in &cases {
-        let here = carried(&case.source, &case.edited);
+        let here = propagated(&case.source, &case.edited);
         runner
             .run(&placements, |placed| {
                 let strays = misplaced(case, &here, placed, placed);
@@ -137,21 +136,21 @@ fn placing_the_scene_places_the_result() {
 
 /// The baseline of three nearest neighbours is also independent of the axes.
 #[test]
-fn placing_the_scene_places_what_nearest_neighbors_say() {
+fn transforming_the_scene_transforms_the_knn_result() {
     let case = golden("drift");
-    let here = carried_by(Preset::Knn, &case.source, &case.edited);
-    let placed = Placement { turn: [0.8, -0.3, 0.5, 0.2], scale: 3.7, shift: [4.0, -2.0, 1.0] };
-    let strays = misplaced_by(Preset::Knn, &case, &here, placed, placed);
+    let here = propagated_with(MotionPreset::Knn, &case.source, &case.edited);
+    let placed = TestPose { turn: [0.8, -0.3, 0.5, 0.2], scale: 3.7, shift: [4.0, -2.0, 1.0] };
+    let strays = misplaced_by(MotionPreset::Knn, &case, &here, placed, placed);
     assert!(strays <= case.edited.len() / 1000, "{strays} of {}", case.edited.len());
 }
 
 /// Negative control: an edit that is 0.5 % larger than its scene is a different edit.
 #[test]
-fn placing_the_edit_otherwise_is_noticed() {
+fn scaling_only_the_edit_changes_the_result() {
     let case = golden("all");
-    let here = carried(&case.source, &case.edited);
-    let placed = Placement { turn: [0.5, -0.3, 0.5, 0.2], scale: 3.0, shift: [1.0, 2.0, 3.0] };
-    let other = Placement { scale: 3.015, ..placed };
+    let here = propagated(&case.source, &case.edited);
+    let placed = TestPose { turn: [0.5, -0.3, 0.5, 0.2], scale: 3.0, shift: [1.0, 2.0, 3.0] };
+    let other = TestPose { scale: 3.015, ..placed };
     let strays = misplaced(&case, &here, placed, other);
     assert!(strays > case.edited.len() / 2, "{strays} of {}", case.edited.len());
 }
@@ -159,12 +158,12 @@ fn placing_the_edit_otherwise_is_noticed() {
 /// At a distance of a thousand figures from the origin, coordinates are rounded to 1e-4 of the
 /// figure.
 #[test]
-fn far_from_the_origin_only_coordinates_lose_digits() {
+fn far_from_the_origin_errors_are_those_of_rounded_coordinates() {
     let case = golden("all");
-    let here = carried(&case.source, &case.edited);
-    let placed = Placement { turn: [0.5, -0.3, 0.5, 0.2], scale: 1.0, shift: [700.0, 0.0, -700.0] };
+    let here = propagated(&case.source, &case.edited);
+    let placed = TestPose { turn: [0.5, -0.3, 0.5, 0.2], scale: 1.0, shift: [700.0, 0.0, -700.0] };
     let there: Vec<Splats> = case.source.frames.iter().map(|f| placed.of(f, case.size)).collect();
-    let there = carried(&Table::new(there), &placed.of(&case.edited, case.size));
+    let there = propagated(&Table::new(there), &placed.of(&case.edited, case.size));
     let expected: Vec<Splats> = here.iter().map(|f| placed.of(f, case.size)).collect();
     let found = strays(&there, &expected, 1e-3 * case.size);
     assert!(found <= case.edited.len() / 500, "{found} of {}", case.edited.len());
@@ -172,9 +171,9 @@ fn far_from_the_origin_only_coordinates_lose_digits() {
 
 /// Rows of both files in any order, including coincident splats.
 #[test]
-fn shuffling_rows_shuffles_the_result() {
+fn permuting_rows_permutes_the_result() {
     for mut case in [golden("inflate"), golden("graft"), synthetic(TruthCase::Everything, 2500)] {
-        // Two pairs of coincident splats: one with another opacity, one with another motion.
+        // Two pairs of coincident splats: one pair differs in opacity, the other in motion.
         for (t, frame) in case.source.frames.iter_mut().enumerate() {
             for i in 0..50 {
                 frame.push_from(&frame.clone(), 20 * i);
@@ -185,11 +184,11 @@ fn shuffling_rows_shuffles_the_result() {
         }
         let shuffle =
             |n: usize, by: usize| -> Vec<usize> { (0..n).map(|i| (i * by + 5) % n).collect() };
-        let here = carried(&case.source, &case.edited);
+        let here = propagated(&case.source, &case.edited);
         let sources = shuffle(case.source.num_splats(), 997);
         let rows = shuffle(case.edited.len(), 1009);
         let shuffled = case.source.frames.iter().map(|f| f.select(&sources)).collect();
-        let there = carried(&Table::new(shuffled), &case.edited.select(&rows));
+        let there = propagated(&Table::new(shuffled), &case.edited.select(&rows));
         let expected: Vec<Splats> = here.iter().map(|f| f.select(&rows)).collect();
         let found = strays(&there, &expected, 1e-6 * case.size);
         assert!(found == 0, "{}: {found} splats", case.name);

@@ -1,4 +1,5 @@
-//! Tests of the motion stage: goldens, known motion, identity, and the promises of `docs/ARCHITECTURE.md`.
+//! Tests of the motion stage: goldens, known motion, identity, and the promises of
+//! `docs/ARCHITECTURE.md`.
 
 #![allow(
     clippy::unwrap_used,

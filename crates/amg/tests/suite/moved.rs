@@ -1,7 +1,8 @@
 //! Selections that an editor moved, rotated or scaled are recognised and move with the object to
 //! which they belong.
 use amg::{
-    Identity, IdentityMap, IdentityParams, MotionOptions, Preset, RowKind, Similarity, propagate,
+    Identity, IdentityMap, IdentityParams, MotionOptions, MotionPreset, RowKind, Similarity,
+    propagate,
 };
 use gs_core::{DynamicScene, Precision, RowPrecision, Splats, quat};
 use gs_synth::{Part, SynthScene, TruthCase, build};
@@ -27,13 +28,13 @@ fn centre(splats: &Splats, rows: &[usize]) -> [f64; 3] {
 fn about(about: [f64; 3], scale: f64, rotation: [f64; 4], shift: [f64; 3]) -> Similarity {
     let rotation = quat::normalize(rotation);
     let plain = Similarity { scale, rotation, mirrored: false, translation: [0.0; 3] };
-    let turned = plain.turn(about);
+    let turned = plain.apply_vector(about);
     Similarity { translation: [0, 1, 2].map(|k| about[k] - turned[k] + shift[k]), ..plain }
 }
 
 /// The splats with `rows` transformed.
 fn placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
-    let moved = similarity.place(&splats.select(rows));
+    let moved = similarity.transform(&splats.select(rows));
     let (mut edited, coeffs) = (splats.clone(), splats.sh_coeffs());
     for (i, &row) in rows.iter().enumerate() {
         edited.means[row] = moved.means[i];
@@ -104,7 +105,7 @@ fn errors(
 ) -> [f64; 2] {
     let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
     let (clean, edited) = (scene.noise_free(), Arc::new(edited));
-    [Preset::Regions, Preset::Knn].map(|preset| {
+    [MotionPreset::Regions, MotionPreset::Knn].map(|preset| {
         let options = MotionOptions::preset(preset);
         let found = propagate(Arc::clone(&source), Arc::clone(&edited), &options, &|_, _| {});
         let found = found.unwrap().scene;
@@ -132,7 +133,7 @@ fn noise(scene: &SynthScene, rows: &[usize]) -> f64 {
 }
 
 #[test]
-fn moved_parts_follow_what_they_belong_to() {
+fn moved_parts_follow_their_body_part() {
     let scene = scene();
     let first = scene.frame1().clone();
     for (name, part, scale, turn, shift) in [
@@ -162,7 +163,7 @@ fn moved_parts_follow_what_they_belong_to() {
 }
 
 #[test]
-fn several_groups_and_both_copies_of_a_clone() {
+fn several_groups_and_copies_are_recognised() {
     let scene = scene();
     let first = scene.frame1().clone();
     let (head, arm) = (of_parts(&scene, &[Part::Head]), of_parts(&scene, &[Part::UpperArmL]));
@@ -175,7 +176,7 @@ fn several_groups_and_both_copies_of_a_clone() {
         about(centre(&first, &head), 1.1, [0.8, 0.3, 0.0, 0.0], [0.0, 0.4, 0.0]),
     ];
     for copy in &copies {
-        let copied = copy.place(&first.select(&head));
+        let copied = copy.transform(&first.select(&head));
         (0..head.len()).for_each(|i| edited.push_from(&copied, i));
     }
     let found = map(&first, &edited);
@@ -191,11 +192,11 @@ fn several_groups_and_both_copies_of_a_clone() {
             );
         }
     }
-    assert!(found.vanished.is_empty(), "nothing is removed: {}", found.vanished.len());
+    assert!(found.removed.is_empty(), "nothing is removed: {}", found.removed.len());
 }
 
 #[test]
-fn tools_that_leave_rotations_sizes_or_colours_alone() {
+fn groups_with_untransformed_rotations_sizes_or_colours_are_recognised() {
     let scene = scene();
     let first = scene.frame1().clone();
     let rows = of_parts(&scene, &[Part::Head]);
@@ -230,7 +231,7 @@ fn tools_that_leave_rotations_sizes_or_colours_alone() {
 }
 
 #[test]
-fn formats_that_round_are_recognised_and_their_rounding_undone() {
+fn rounded_groups_are_recognised_and_restored() {
     let scene = scene();
     let first = scene.frame1().clone();
     let rows = of_parts(&scene, &[Part::Head, Part::ForearmL]);
@@ -292,25 +293,25 @@ fn whole_scenes_keep_their_trajectories_under_the_similarity() {
         assert!((measured.scale / similarity.scale - 1.0).abs() < 1e-5, "{measured:?}");
         assert_eq!(measured.mirrored, similarity.mirrored, "{measured:?}");
         let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-        let options = MotionOptions::preset(Preset::Regions);
+        let options = MotionOptions::preset(MotionPreset::Regions);
         let propagated =
             propagate(Arc::clone(&source), Arc::new(edited), &options, &|_, _| {}).unwrap();
         let (now, then) =
-            (propagated.scene.at(0.5).unwrap(), similarity.place(&source.at(0.5).unwrap()));
+            (propagated.scene.at(0.5).unwrap(), similarity.transform(&source.at(0.5).unwrap()));
         let size = similarity.scale * f64::from(scene.figure_size());
         for (row, identity) in found.rows.iter().enumerate() {
             if matches!(identity, Identity::Moved { .. }) {
                 let miss = distance(now.means[row], then.means[row].map(f64::from));
                 assert!(miss < 1e-4 * size, "row {row} has an error of {miss}");
                 let turn = quat::dot(now.rotation(row), then.rotation(row)).abs();
-                assert!(turn > 0.9999, "row {row} has another rotation: {turn}");
+                assert!(turn > 0.9999, "row {row} has a different rotation: {turn}");
             }
         }
     }
 }
 
 #[test]
-fn what_was_not_moved_is_not_taken_for_it() {
+fn edits_without_moved_groups_have_none() {
     let scene = scene();
     let first = scene.frame1().clone();
     let far = |case: TruthCase| {
@@ -342,7 +343,7 @@ fn what_was_not_moved_is_not_taken_for_it() {
         let all: Vec<usize> = (0..other.len()).collect();
         let turned = placed(&other, &all, &about([0.0; 3], 1.7, [0.5, 0.5, 0.1, 0.0], [9.0; 3]));
         let found = IdentityMap::of(&first, &turned, &params).unwrap();
-        assert!(found.moved * 100 <= turned.len(), "{} of another scene", found.moved);
+        assert!(found.moved * 100 <= turned.len(), "{} of a different scene", found.moved);
     }
     let off = IdentityParams { moved: false, ..IdentityParams::default() };
     let rows = of_parts(&scene, &[Part::Head]);
@@ -351,7 +352,7 @@ fn what_was_not_moved_is_not_taken_for_it() {
 }
 
 #[test]
-fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
+fn moved_rows_fade_with_their_sources_for_any_order_and_threads() {
     let scene = scene();
     let first = scene.frame1().clone();
     let rows = of_parts(&scene, &[Part::Head]);
@@ -359,7 +360,7 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
     let edited = placed(&first, &rows, &similarity);
     let order: Vec<usize> = (0..edited.len()).map(|i| (i * 3571 + 11) % edited.len()).collect();
     let source: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-    let options = MotionOptions::preset(Preset::Regions);
+    let options = MotionOptions::preset(MotionPreset::Regions);
     let run = |edited: Splats, threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -380,14 +381,14 @@ fn moved_rows_fade_as_their_sources_do_and_neither_order_nor_threads_matter() {
 }
 
 #[test]
-fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
+fn a_copy_and_splats_added_to_it_move_like_the_original() {
     const NUDGE: f32 = 0.01;
     let scene = scene();
     let source = scene.at(0.0).unwrap();
     let count = source.len();
     let all: Vec<usize> = (0..count).collect();
     let similarity = about(centre(&source, &all), 0.6, [0.96, 0.0, 0.28, 0.0], [4.0, 0.3, -1.0]);
-    let copy = similarity.place(&source);
+    let copy = similarity.transform(&source);
     let mut edited = source.clone();
     for row in 0..count {
         edited.push_from(&copy, row);
@@ -400,12 +401,12 @@ fn a_copy_does_the_same_in_a_place_of_its_own_with_what_was_added_to_it() {
         edited.sh[(count + row) * coeffs] = [1.0, -0.5, 0.2];
     }
     let source_scene: Arc<dyn DynamicScene> = Arc::new(scene.clone());
-    let options = MotionOptions::preset(Preset::Regions);
+    let options = MotionOptions::preset(MotionPreset::Regions);
     let found = propagate(source_scene, Arc::new(edited), &options, &|_, _| {}).unwrap();
     assert_eq!(found.report.moved_groups.len(), 1, "one copy: {:?}", found.report.moved_groups);
     let binding = found.scene.binding();
     assert_eq!(binding.groups().len(), 1, "its parts stay together");
-    assert_eq!(found.report.beside_copies, count.div_ceil(9), "added splats move with it");
+    assert_eq!(found.report.near_copies, count.div_ceil(9), "added splats move with it");
     for t in TIMES {
         let (now, moved) = (scene.at(t).unwrap(), found.scene.at(t).unwrap());
         assert_eq!(moved.means[..count], now.means[..], "the original is untouched at {t}");
@@ -446,7 +447,7 @@ fn warped_head(scene: &SynthScene, share: f64) -> (Vec<usize>, Splats) {
 
 /// In small patches, a smooth warp is nearly a similarity, but it is not one.
 #[test]
-fn a_smooth_warp_is_no_set_of_moved_groups() {
+fn a_smooth_warp_is_not_split_into_moved_groups() {
     for size in [6000, 24_000] {
         let scene = build(TruthCase::Recolour, 5, size).unwrap().source;
         for share in [0.01, 0.02, 0.05] {

@@ -47,7 +47,7 @@ proptest! {
         mut order in Just((0..NUM).collect::<Vec<_>>()).prop_shuffle(),
         num_kept in 1..=NUM,
         flipped in prop::collection::vec(any::<bool>(), NUM),
-        recoloured in prop::collection::vec(prop::bool::weighted(0.3), NUM),
+        recolored in prop::collection::vec(prop::bool::weighted(0.3), NUM),
         change in prop::array::uniform3(0.05_f32..0.5),
     ) {
         order.truncate(num_kept);
@@ -57,7 +57,7 @@ proptest! {
             if flipped[id] {
                 edited.quats[row] = edited.quats[row].map(|c| -c);
             }
-            if recoloured[id] {
+            if recolored[id] {
                 (0..3).for_each(|k| edited.sh[row][k] += change[k]);
             }
         }
@@ -66,7 +66,7 @@ proptest! {
         for (row, &id) in order.iter().enumerate() {
             let id32 = u32::try_from(id).unwrap();
             let expected =
-                if recoloured[id] { Identity::Recoloured(id32) } else { Identity::Unchanged(id32) };
+                if recolored[id] { Identity::Recolored(id32) } else { Identity::Unchanged(id32) };
             prop_assert_eq!(found.rows[row], expected, "row {}", row);
         }
 
@@ -82,7 +82,7 @@ proptest! {
             let (ours, theirs) = (found.at(t).unwrap(), source.at(t).unwrap());
             for (row, &id) in order.iter().enumerate() {
                 prop_assert_eq!(geometry(&ours, row), geometry(&theirs, id), "row {} at {}", row, t);
-                if !recoloured[id] {
+                if !recolored[id] {
                     prop_assert_eq!(appearance(&ours, row), appearance(&theirs, id), "row {}", row);
                 }
             }
@@ -92,7 +92,7 @@ proptest! {
 
 /// One unit in the last place of any value is noticed.
 #[test]
-fn the_comparison_of_bits_can_fail() {
+fn a_change_of_one_bit_is_detected() {
     let frame = source().frames[0].clone();
     let changes: [fn(&mut Splats); 5] = [
         |splats| splats.means[3][1] = splats.means[3][1].next_up(),

@@ -1,6 +1,6 @@
 //! Properties of any scene and any edit.
 use crate::common::{Table, golden_edit, golden_source, score};
-use amg::{Aggregation, MotionOptions, Preset, Propagation, RotationRule, propagate};
+use amg::{Aggregation, MotionOptions, MotionPreset, Propagation, RotationRule, propagate};
 use gs_core::{DynamicScene, Splats, quat};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -34,7 +34,7 @@ proptest! {
 
     /// If all sources share one rigid motion, so does every edited splat, for any matches.
     #[test]
-    fn one_rigid_motion_for_all_is_exact(
+    fn a_common_rigid_motion_is_exact(
         axis in prop::array::uniform3(-1.0_f32..1.0),
         angle in 0.05_f32..3.1,
         shift in prop::array::uniform3(-1.0_f32..1.0),
@@ -62,7 +62,7 @@ proptest! {
 }
 
 #[test]
-fn a_half_turn_is_a_half_turn() {
+fn rotation_by_180_degrees_is_exact() {
     let rest = golden_source().0.frames.swap_remove(0);
     let q = [0.0, 0.0, 1.0, 0.0];
     let source = Table::new(vec![rest.clone(), moved(&rest, q, [0.0; 3])]);
@@ -74,12 +74,12 @@ fn a_half_turn_is_a_half_turn() {
 }
 
 #[test]
-fn translation_only_moves_everything_alike_under_every_preset() {
+fn a_common_translation_is_exact_for_every_preset() {
     let rest = golden_source().0.frames.swap_remove(0);
     let source = Table::new(vec![rest.clone(), moved(&rest, quat::IDENTITY, [0.3, -0.2, 0.1])]);
     let edit = golden_edit("all").splats;
     let expected = moved(&edit, quat::IDENTITY, [0.3, -0.2, 0.1]);
-    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
+    for preset in [MotionPreset::Regions, MotionPreset::Paper, MotionPreset::Knn] {
         let found = run(&source, &edit, &MotionOptions::preset(preset));
         let gap = largest_gap(&found.scene.at(1.0).unwrap().means, &expected.means);
         assert!(gap < 1e-5, "{preset:?} is off by {gap}");
@@ -89,7 +89,7 @@ fn translation_only_moves_everything_alike_under_every_preset() {
 /// A checkpoint that does not model rotation: its constant quaternions must not reduce the
 /// estimated rotation.
 #[test]
-fn rotations_that_are_not_modelled_are_not_believed() {
+fn constant_quaternions_do_not_reduce_rotation() {
     let (mut source, size) = golden_source();
     let rest = source.frames[0].quats.clone();
     for frame in &mut source.frames {
@@ -103,18 +103,18 @@ fn rotations_that_are_not_modelled_are_not_believed() {
 }
 
 #[test]
-fn edits_without_overlap_stay_put_and_are_counted() {
+fn edits_without_overlap_are_static_and_counted() {
     let (source, _) = golden_source();
     let far = moved(&golden_edit("drift").splats, quat::IDENTITY, [50.0, 0.0, 0.0]);
-    for preset in [Preset::Regions, Preset::Knn] {
+    for preset in [MotionPreset::Regions, MotionPreset::Knn] {
         let found = run(&source, &far, &MotionOptions::preset(preset));
         assert_eq!(found.scene.at(1.0).unwrap(), far, "{preset:?}: nothing to follow");
         assert_eq!(found.report.out_of_reach, far.len(), "{preset:?}: counted");
-        let said = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
-        assert!(said, "{preset:?}: {:?}", found.report.warnings);
+        let is_warned = found.report.warnings.iter().any(|w| w.contains("do not overlap"));
+        assert!(is_warned, "{preset:?}: {:?}", found.report.warnings);
     }
     // The paper's method has no distance limit, so all splats follow their transport matches.
-    let found = run(&source, &far, &MotionOptions::preset(Preset::Paper));
+    let found = run(&source, &far, &MotionOptions::preset(MotionPreset::Paper));
     assert_eq!((found.report.out_of_reach, found.report.blended), (0, far.len()), "all follow");
     let moved = found.scene.at(1.0).unwrap();
     assert!(moved.means.iter().flatten().all(|v| v.is_finite()), "numbers");
@@ -123,7 +123,7 @@ fn edits_without_overlap_stay_put_and_are_counted() {
 
 /// Five source splats and 1500 edited ones; also with every edited splat twice.
 #[test]
-fn few_sources_and_duplicates_have_a_result() {
+fn few_sources_and_duplicates_give_finite_results() {
     let (source, _) = golden_source();
     let edit = golden_edit("drift").splats;
     let few =
@@ -136,10 +136,10 @@ fn few_sources_and_duplicates_have_a_result() {
 }
 
 #[test]
-fn the_number_of_threads_does_not_matter() {
+fn results_are_bit_identical_for_any_number_of_threads() {
     let (source, _) = golden_source();
     let edit = golden_edit("all").splats;
-    for preset in [Preset::Regions, Preset::Paper] {
+    for preset in [MotionPreset::Regions, MotionPreset::Paper] {
         let options = MotionOptions::preset(preset);
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -157,7 +157,7 @@ fn the_number_of_threads_does_not_matter() {
 
 /// An unconnected halo above the head follows the head; far away it stays in place.
 #[test]
-fn new_objects_follow_what_they_are_near() {
+fn new_objects_follow_the_nearest_part_within_reach() {
     let (source, size) = golden_source();
     let rest = &source.frames[0];
     let top = (0..1500)
@@ -186,11 +186,11 @@ fn new_objects_follow_what_they_are_near() {
     }
     let found = run(&source, &halo(3.0), &MotionOptions::default());
     assert_eq!(found.report.out_of_reach, 40, "{:?}", found.report.warnings);
-    assert!(found.report.warnings.iter().any(|w| w.contains("beyond reach")), "said so");
+    assert!(found.report.warnings.iter().any(|w| w.contains("beyond reach")), "is_warned so");
 }
 
 #[test]
-fn a_still_background_stays_still() {
+fn a_static_background_remains_static() {
     let (mut source, size) = golden_source();
     let wall = golden_edit("drift").splats;
     for (t, frame) in source.frames.iter_mut().enumerate() {
@@ -218,7 +218,7 @@ fn a_still_background_stays_still() {
 }
 
 #[test]
-fn degenerate_clouds_give_numbers() {
+fn degenerate_clouds_give_finite_results() {
     let (source, _) = golden_source();
     let one = |ids: &[usize]| Table::new(source.frames.iter().map(|f| f.select(ids)).collect());
     let line = {
@@ -256,7 +256,7 @@ fn degenerate_clouds_give_numbers() {
         ("single frame", Table::new(vec![source.frames[0].clone()])),
         ("empty", one(&[])),
     ] {
-        for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
+        for preset in [MotionPreset::Regions, MotionPreset::Paper, MotionPreset::Knn] {
             let mut options = MotionOptions::preset(preset);
             options.reach = 10.0;
             for aggregation in [options.aggregation, relative] {
@@ -275,7 +275,7 @@ fn degenerate_clouds_give_numbers() {
 }
 
 #[test]
-fn broken_rows_are_left_alone_and_counted() {
+fn rows_with_non_finite_values_are_unchanged_and_counted() {
     let (source, _) = golden_source();
     let mut edited = golden_edit("drift").splats;
     edited.means[4][1] = f32::INFINITY;
@@ -285,7 +285,7 @@ fn broken_rows_are_left_alone_and_counted() {
 }
 
 #[test]
-fn options_out_of_range_are_refused() {
+fn options_out_of_range_are_rejected() {
     let (source, _) = golden_source();
     let edited = Arc::new(source.frames[0].clone());
     let source: Arc<dyn DynamicScene> = Arc::new(source);

@@ -2,7 +2,9 @@
 //! frame.
 use crate::common::{Table, golden_edit, golden_source};
 use RowKind::{Blended, Static, Unchanged};
-use amg::{Aggregation, Binding, EditedScene, FieldAt, MotionOptions, Preset, RowKind, propagate};
+use amg::{
+    Aggregation, Binding, EditedScene, FieldAt, MotionOptions, MotionPreset, RowKind, propagate,
+};
 use gs_core::{DynamicScene, SceneError, Splats};
 use std::sync::Arc;
 
@@ -24,7 +26,7 @@ fn blinking() -> Table {
 fn the_edit_frame_is_the_edit_bit_for_bit() {
     let (source, _) = golden_source();
     let edit = golden_edit("all");
-    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
+    for preset in [MotionPreset::Regions, MotionPreset::Paper, MotionPreset::Knn] {
         let options = MotionOptions::preset(preset);
         let edited = Arc::new(edit.splats.clone());
         let found = propagate(Arc::new(source.clone()), edited, &options, &|_, _| {}).unwrap();
@@ -64,7 +66,7 @@ fn recoloured_rows_keep_motion_and_add_the_sources_change() {
         &|_, _| {},
     )
     .unwrap();
-    assert_eq!(found.report.recoloured, 1500, "all of them");
+    assert_eq!(found.report.recolored, 1500, "all of them");
     let (ours, theirs) = (found.scene.at(0.6).unwrap(), source.at(0.6).unwrap());
     assert_eq!(ours.means, theirs.means, "means, bit for bit");
     assert_eq!(ours.quats, theirs.quats, "rotations, bit for bit");
@@ -76,7 +78,7 @@ fn recoloured_rows_keep_motion_and_add_the_sources_change() {
 }
 
 #[test]
-fn blended_rows_follow_appearance_only_when_asked() {
+fn appearance_of_blended_rows_is_optional() {
     let source = blinking();
     let edit = golden_edit("drift").splats;
     let run = |appearance: bool| {
@@ -121,7 +123,7 @@ fn a_stored_binding_gives_the_same_scene() {
 }
 
 #[test]
-fn broken_bindings_are_refused_with_the_row() {
+fn errors_of_invalid_bindings_name_the_row() {
     let build = |offsets: &[u32], ids: &[u32], weights: &[f32], kinds: &[RowKind]| {
         Binding::from_parts(offsets.into(), ids.into(), weights.into(), kinds.into(), 3)
             .map_err(|error| error.to_string())
@@ -141,7 +143,7 @@ fn broken_bindings_are_refused_with_the_row() {
 }
 
 #[test]
-fn bindings_that_only_blend_are_made_from_rows() {
+fn blending_bindings_are_built_from_rows() {
     let made = Binding::blending(&[vec![(0, 1.0), (2, 3.0)], vec![]], 3).unwrap();
     assert_eq!(made.row(0), (&[0, 2][..], &[0.25, 0.75][..]), "normalised");
     assert_eq!(made.kinds(), [Blended, Static]);
@@ -180,7 +182,7 @@ impl DynamicScene for Shrinking {
 }
 
 #[test]
-fn a_source_that_loses_rows_is_refused() {
+fn a_source_that_loses_rows_is_rejected() {
     let (table, _) = golden_source();
     let edited = Arc::new(table.frames[0].clone());
     let options = MotionOptions::default();
@@ -204,7 +206,7 @@ impl FieldAt for Rising {
 }
 
 #[test]
-fn the_field_baseline_moves_by_differences() {
+fn the_field_baseline_applies_differences_of_the_field() {
     let (source, _) = golden_source();
     let edited = golden_edit("drift").splats;
     let options = MotionOptions::field(Arc::new(Rising));
@@ -217,10 +219,10 @@ fn the_field_baseline_moves_by_differences() {
 }
 
 #[test]
-fn what_the_scene_calls_static_stays_put() {
+fn the_dynamic_mask_of_the_scene_is_respected() {
     let (source, _) = golden_source();
     let edited = Arc::new(golden_edit("drift").splats);
-    for preset in [Preset::Regions, Preset::Paper, Preset::Knn] {
+    for preset in [MotionPreset::Regions, MotionPreset::Paper, MotionPreset::Knn] {
         let options = MotionOptions::preset(preset);
         let masked = |mask| Arc::new(Table { mask: Some(mask), ..source.clone() });
         let still = masked(vec![false; 1500]);

@@ -9,7 +9,7 @@ fn scene(case: BriefCase) -> BriefTruthScene {
         .unwrap()
 }
 
-fn carried(scene: &BriefTruthScene, follow: Follow) -> Propagation {
+fn propagated_case(scene: &BriefTruthScene, follow: Follow) -> Propagation {
     let options = MotionOptions::default().with_follow(follow);
     let (source, edited) = (Arc::new(scene.source.clone()), Arc::new(scene.edited.clone()));
     propagate(source, edited, &options, &|_, _| {}).unwrap()
@@ -48,10 +48,10 @@ fn missed_and_wrong(scene: &BriefTruthScene, is_edited: impl Fn(usize) -> bool) 
 }
 
 #[test]
-fn deletions_reach_descendants_and_nobody_else() {
+fn only_descendants_inherit_deletions() {
     let scene = scene(BriefCase::Delete);
     let gone = |follow| {
-        let found = carried(&scene, follow).scene;
+        let found = propagated_case(&scene, follow).scene;
         let rows = row_of(&found);
         let late: Vec<Splats> =
             TimeRange::UNIT.frames(31)[1..].iter().map(|&t| found.at(t).unwrap()).collect();
@@ -68,9 +68,9 @@ fn deletions_reach_descendants_and_nobody_else() {
 }
 
 #[test]
-fn recolouring_is_a_change_not_a_coat() {
+fn descendants_inherit_the_change_of_colour() {
     let scene = scene(BriefCase::Recolour);
-    let found = carried(&scene, Follow::Surface).scene;
+    let found = propagated_case(&scene, Follow::Surface).scene;
     let rows = row_of(&found);
     let visible = ever_visible(&scene);
     let (before, truth) = (scene.source.at(0.6).unwrap(), scene.truth.at(0.6).unwrap());
@@ -98,10 +98,10 @@ fn recolouring_is_a_change_not_a_coat() {
 }
 
 #[test]
-fn what_does_not_descend_stays_bit_exact() {
+fn rows_without_edited_ancestors_are_bit_exact() {
     for case in [BriefCase::Recolour, BriefCase::Delete, BriefCase::Scale] {
         let scene = scene(case);
-        let found = carried(&scene, Follow::Surface);
+        let found = propagated_case(&scene, Follow::Surface);
         let counts = found.report.inheritance.unwrap();
         assert!(counts.shown < counts.visible && counts.with_ancestors > 0, "{counts:?}");
         let scene_4d = &found.scene;
@@ -124,12 +124,12 @@ fn what_does_not_descend_stays_bit_exact() {
 }
 
 #[test]
-fn grafts_stay_where_they_are_and_never_fade() {
+fn grafts_on_a_static_surface_neither_move_nor_fade() {
     let scene = scene(BriefCase::Hat);
     let new: Vec<usize> =
         (0..scene.truth.num_splats()).filter(|&row| scene.truth.new_rows()[row]).collect();
     let worst = |follow| {
-        let found = carried(&scene, follow).scene;
+        let found = propagated_case(&scene, follow).scene;
         let (mut off, mut opacity) = (0.0_f32, 1.0_f32);
         for t in TimeRange::UNIT.frames(41) {
             let (now, truth) = (found.at(t).unwrap(), scene.truth.at(t).unwrap());
@@ -150,9 +150,9 @@ fn grafts_stay_where_they_are_and_never_fade() {
 }
 
 #[test]
-fn generations_hand_over_without_a_jump() {
+fn motion_is_continuous_between_generations() {
     let scene = scene(BriefCase::Hat);
-    let found = carried(&scene, Follow::Surface).scene;
+    let found = propagated_case(&scene, Follow::Surface).scene;
     let times = TimeRange::UNIT.frames(401);
     let row = scene.truth.new_rows().iter().position(|new| *new).unwrap();
     let at = |t: f32| found.at(t).unwrap().means[row];
@@ -170,9 +170,9 @@ fn generations_hand_over_without_a_jump() {
 }
 
 #[test]
-fn scaled_parts_take_their_descendants_along() {
+fn descendants_inherit_scaling() {
     let scene = scene(BriefCase::Scale);
-    let found = carried(&scene, Follow::Surface).scene;
+    let found = propagated_case(&scene, Follow::Surface).scene;
     let rows = row_of(&found);
     let size = scene.source.figure_size();
     let (mut off, mut before_off, mut count) = (0.0_f32, 0.0_f32, 0);
@@ -194,12 +194,12 @@ fn scaled_parts_take_their_descendants_along() {
 }
 
 #[test]
-fn results_do_not_depend_on_threads() {
+fn surface_results_are_bit_identical_for_any_number_of_threads() {
     let scene = scene(BriefCase::Hat);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let found = carried(&scene, Follow::Surface).scene;
+            let found = propagated_case(&scene, Follow::Surface).scene;
             (found.binding().as_ref().clone(), found.at(0.7).unwrap())
         })
     };
@@ -210,7 +210,7 @@ fn results_do_not_depend_on_threads() {
 }
 
 #[test]
-fn lasting_scenes_are_as_before() {
+fn following_surfaces_changes_nothing_if_all_splats_are_persistent() {
     let source =
         gs_synth::demo(&DemoParams { num_splats: 2_000, ..DemoParams::default() }).unwrap();
     let edit = gs_synth::apply_edits(&source, &gs_synth::demo_edits(), 0).unwrap();
@@ -257,7 +257,7 @@ fn dancer() -> (BriefScene, Vec<usize>, [f32; 3]) {
 }
 
 #[test]
-fn copies_of_what_frame_1_shows_last() {
+fn copies_of_the_edit_frame_are_persistent() {
     let (source, shown, shift) = dancer();
     let edited = with_copies(&source, &shown, shift);
     let first = source.num_splats();
@@ -290,7 +290,7 @@ fn copies_of_what_frame_1_shows_last() {
 }
 
 #[test]
-fn copies_of_all_generations_stay_exact() {
+fn complete_copies_of_all_generations_are_exact() {
     let (source, _, shift) = dancer();
     let all: Vec<usize> = (0..source.num_splats()).collect();
     let edited = with_copies(&source, &all, shift);
@@ -306,7 +306,7 @@ fn copies_of_all_generations_stay_exact() {
 }
 
 #[test]
-fn generations_copied_with_lasting_ones_are_hidden() {
+fn partial_copies_of_later_generations_are_hidden() {
     let (source, mut chosen, shift) = dancer();
     let shown = chosen.len();
     // A box around the dancer also contains a few splats of other times.
@@ -327,7 +327,7 @@ fn generations_copied_with_lasting_ones_are_hidden() {
 }
 
 #[test]
-fn clones_on_their_originals_leave_later_splats_as_opaque_as_they_were() {
+fn coincident_clones_do_not_change_the_opacity_of_descendants() {
     let (source, shown, _) = dancer();
     let clones = with_copies(&source, &shown, [0.0; 3]);
     // Densification keeps a clone's values, or halves the opacities of both.
@@ -336,7 +336,7 @@ fn clones_on_their_originals_leave_later_splats_as_opaque_as_they_were() {
     for row in in_pairs {
         halved.opacity_logits[row] = gs_core::activation::logit(0.5 * clones.opacity(row));
     }
-    for (name, edited, least) in [("as they were", clones, 0.9999), ("halved", halved, 0.7)] {
+    for (name, edited, smallest) in [("as they were", clones, 0.9999), ("halved", halved, 0.7)] {
         let swapped: Vec<usize> = (0..edited.len()).rev().collect();
         for edited in [edited.select(&swapped), edited] {
             let found = propagated(&source, &edited, Follow::Surface).scene;
@@ -350,7 +350,7 @@ fn clones_on_their_originals_leave_later_splats_as_opaque_as_they_were() {
                 theirs += before.opacity(id);
             }
             let share = ours / theirs;
-            assert!((least..=1.0).contains(&share), "{name}: {share}");
+            assert!((smallest..=1.0).contains(&share), "{name}: {share}");
         }
     }
 }

@@ -82,7 +82,7 @@ fn differs(
                 set.lines[anchor]
             ));
         }
-        // The oracle sums raw coordinates and therefore loses digits far from the origin.
+        // The oracle sums raw coordinates and therefore loses precision far from the origin.
         let rounding = 1e-14 * position.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         if distance2(&set.positions[anchor], position).sqrt() > 1e-12 * set.delta + rounding {
             return Some(format!(
@@ -187,7 +187,7 @@ fn equals_the_full_product_for_lines_along_the_axes() {
 }
 
 #[test]
-fn the_comparison_notices_a_single_change() {
+fn the_comparison_detects_a_single_change() {
     let points = figure(300, 1);
     let (params, lines) = (AnchorParams::default(), sampled(&points, 3000));
     let groups = Neighborhoods::build(&points, None, &params).unwrap();
@@ -199,7 +199,7 @@ fn the_comparison_notices_a_single_change() {
     assert!(differs(&moved, &groups, &expected).is_some(), "a moved anchor");
     let mut other = set.clone();
     other.lines[5] += 1;
-    assert!(differs(&other, &groups, &expected).is_some(), "another line");
+    assert!(differs(&other, &groups, &expected).is_some(), "a different line");
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn retained_triples_lie_in_their_cylinder() {
 }
 
 #[test]
-fn outliers_get_no_anchor_under_the_global_radius() {
+fn outliers_have_no_anchor_with_the_global_radius() {
     let mut points = figure(3000, 7);
     let mut rng = Rng::new(9);
     points.extend((0..90).map(|_| [0, 1, 2].map(|_| 2.0 * rng.uniform() - 1.0)));
@@ -243,7 +243,7 @@ fn outliers_get_no_anchor_under_the_global_radius() {
 }
 
 #[test]
-fn uncovered_points_go_to_the_nearest_anchor() {
+fn uncovered_points_belong_to_the_nearest_anchor() {
     let points = figure(1500, 8);
     let params = AnchorParams { num_lines: 3000, ..AnchorParams::default() };
     let set = AnchorSet::of(&points, &params).unwrap();

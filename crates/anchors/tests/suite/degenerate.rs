@@ -53,7 +53,7 @@ fn coincident_points_are_anchors_without_lines() {
 }
 
 #[test]
-fn collinear_points_are_probed_like_any_others() {
+fn collinear_points_are_tested_with_lines() {
     let points: Vec<Vec3> = (0..300).map(|i| [0.0, (f64::from(i) * 0.7).sin(), 0.0]).collect();
     let set = AnchorSet::of(&points, &AnchorParams { num_lines: 100_000, ..params() }).unwrap();
     assert!(set.len() > 30, "{} anchors", set.len());
@@ -63,7 +63,7 @@ fn collinear_points_are_probed_like_any_others() {
 }
 
 #[test]
-fn members_on_the_line_take_the_plain_mean() {
+fn members_on_the_line_have_equal_weights() {
     let points = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 0.0, 0.0]];
     let groups = Neighborhoods::build(&points, None, &params()).unwrap();
     let line = anchors::Line { point: [9.0, 0.0, 0.0], direction: [1.0, 0.0, 0.0] };
@@ -73,7 +73,7 @@ fn members_on_the_line_take_the_plain_mean() {
 }
 
 #[test]
-fn every_point_its_own_anchor() {
+fn with_k_of_zero_every_point_is_an_anchor() {
     let points = figure(200, 1);
     for radius in [Radius::Global, Radius::Local, Radius::Fixed(0.1)] {
         let p = AnchorParams { k: 0, radius, num_lines: 0, ..params() };
@@ -86,7 +86,7 @@ fn every_point_its_own_anchor() {
 }
 
 #[test]
-fn no_lines_no_anchors() {
+fn without_lines_there_are_no_anchors() {
     let points = figure(200, 1);
     let set = AnchorSet::of(&points, &AnchorParams { num_lines: 0, ..params() }).unwrap();
     assert!(set.is_empty() && set.num_uncovered() == 200, "{} anchors", set.len());
@@ -94,7 +94,7 @@ fn no_lines_no_anchors() {
 }
 
 #[test]
-fn huge_runs_of_coincident_points_do_not_cost_their_square() {
+fn long_runs_of_coincident_points_take_linear_time() {
     let mut points = figure(2000, 2);
     points.extend(std::iter::repeat_n([0.5, 0.5, 0.5], 60_000));
     points.extend(std::iter::repeat_n(points[0], 60_000));
@@ -109,7 +109,7 @@ fn huge_runs_of_coincident_points_do_not_cost_their_square() {
 }
 
 #[test]
-fn a_distant_point_and_a_dense_clump_stay_cheap_and_finite() {
+fn a_distant_point_and_a_dense_cluster_have_a_finite_result() {
     let mut points = figure(5000, 3);
     points.push([1e12, 0.0, 0.0]);
     let set = AnchorSet::of(&points, &params()).unwrap();
@@ -120,7 +120,7 @@ fn a_distant_point_and_a_dense_clump_stay_cheap_and_finite() {
 }
 
 #[test]
-fn hostile_points_are_refused() {
+fn invalid_points_are_rejected() {
     let empty: [[f32; 3]; 0] = [];
     assert_eq!(BoundingSphere::of(&empty), Err(AnchorError::EmptyCloud), "sphere");
     assert_eq!(
@@ -148,7 +148,7 @@ fn hostile_points_are_refused() {
 }
 
 #[test]
-fn misfits_are_refused() {
+fn inputs_of_different_sizes_are_rejected() {
     let points = figure(10, 1);
     let count = Neighborhoods::build(&points, Some(&[[0.0; 6]; 9]), &params());
     assert_eq!(count, Err(AnchorError::FeatureCount { expected: 10, found: 9 }), "features");
@@ -157,11 +157,11 @@ fn misfits_are_refused() {
     let fewer = AnchorSet::build(&points[..9], &groups, &lines, &params());
     assert!(matches!(fewer, Err(AnchorError::BadNeighborhoods { .. })), "{fewer:?}");
     let set = AnchorSet::build(&points, &groups, &lines, &params()).unwrap();
-    assert!(set.owners_or_nearest(&points[..9]).is_err(), "owners of another cloud");
+    assert!(set.owners_or_nearest(&points[..9]).is_err(), "owners of a different cloud");
 }
 
 #[test]
-fn parameters_out_of_range_are_refused() {
+fn parameters_out_of_range_are_rejected() {
     let d = AnchorParams::default;
     for (name, bad) in [
         ("k", AnchorParams { k: 65, ..d() }),

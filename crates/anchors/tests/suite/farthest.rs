@@ -41,7 +41,7 @@ fn order_of_the_points_does_not_matter() {
 }
 
 #[test]
-fn degenerate_clouds() {
+fn degenerate_clouds_have_results() {
     let coincident = [[1.0, 2.0, 3.0]; 70];
     let set = AnchorSet::farthest(&coincident, 9).unwrap();
     assert_eq!((set.len(), set.delta), (1, 0.0), "one place, one anchor");

@@ -94,14 +94,14 @@ fn disjoint_equals_the_naive_greedy() {
 }
 
 #[test]
-fn the_naive_greedy_tells_rules_apart() {
+fn the_naive_greedy_distinguishes_rules() {
     let points = cube(300, 1);
     let (two, three) = (naive_disjoint(&points, 2, 4.0), naive_disjoint(&points, 2, 1.0));
     assert_ne!(two, three, "the rejection has no effect, so the comparison above is meaningless");
 }
 
 #[test]
-fn overlapping_is_every_point_with_its_nearest() {
+fn overlapping_groups_are_points_with_their_nearest() {
     for (what, points) in [("figure", figure(300, 2)), ("lattice", lattice(200, 5, 3))] {
         let groups = Neighborhoods::build(
             &points,
@@ -141,7 +141,7 @@ fn most_points_are_grouped_and_none_twice() {
 }
 
 #[test]
-fn zero_neighbors_make_every_point_its_own() {
+fn with_zero_neighbors_every_point_is_a_neighborhood() {
     let points = lattice(50, 3, 1);
     for grouping in [Grouping::Disjoint, Grouping::Overlapping] {
         let p = AnchorParams { grouping, ..params(0) };
@@ -154,7 +154,7 @@ fn zero_neighbors_make_every_point_its_own() {
 }
 
 #[test]
-fn features_keep_surfaces_apart() {
+fn features_separate_surfaces() {
     // Two sheets crossing at a right angle.
     let sheet = cube(4000, 3);
     let points: Vec<Vec3> = sheet
@@ -186,7 +186,7 @@ fn features_keep_surfaces_apart() {
 }
 
 #[test]
-fn retain_drops_by_members() {
+fn retain_filters_by_members() {
     let points = cube(100, 1);
     let mut groups = Neighborhoods::build(&points, None, &params(2)).unwrap();
     let expected: Vec<Vec<u32>> =
@@ -199,7 +199,7 @@ fn retain_drops_by_members() {
 }
 
 #[test]
-fn parts_are_checked() {
+fn malformed_parts_are_rejected() {
     let ok = Neighborhoods::from_parts(vec![0, 2, 3], vec![4, 0, 4], 5).unwrap();
     assert_eq!((ok.len(), ok.get(0), ok.get(1)), (2, &[4, 0][..], &[4][..]), "well formed");
     for (offsets, indices, why) in [

@@ -24,7 +24,7 @@ fn bits(p: &Vec3) -> [u64; 3] {
     p.map(f64::to_bits)
 }
 
-/// Everything about a set except ids of points: coincident points are interchangeable.
+/// The content of a set without ids of points: coincident points are interchangeable.
 fn content(points: &[Vec3], set: &AnchorSet) -> impl PartialEq + std::fmt::Debug + use<> {
     let members: Vec<Vec<[u64; 3]>> = set
         .members
@@ -89,7 +89,7 @@ fn thread_count_does_not_change_a_bit() {
 }
 
 #[test]
-fn anchors_follow_rigid_motion_and_scale() {
+fn anchors_are_equivariant_to_rigid_motion_and_scale() {
     let points = figure(2000, 6);
     for (case, motion) in [
         Similarity::new([1.0, 2.0, -0.5], 1.1, 1.0, [0.3, -0.2, 0.9]),
@@ -124,7 +124,7 @@ fn anchors_follow_rigid_motion_and_scale() {
 }
 
 #[test]
-fn the_sphere_follows_rigid_motion_and_scale() {
+fn the_sphere_is_equivariant_to_rigid_motion_and_scale() {
     let points = figure(3000, 7);
     let motion = Similarity::new([1.0, 2.0, -0.5], 1.1, 12.0, [3.0, -2.0, 9.0]);
     let moved: Vec<Vec3> = points.iter().map(|p| motion.point(p)).collect();
@@ -175,7 +175,7 @@ fn a_pair_shares_its_lines() {
 }
 
 #[test]
-fn more_lines_never_lose_an_anchor() {
+fn with_more_lines_all_anchors_remain() {
     let points = figure(2000, 9);
     let few =
         AnchorSet::of(&points, &AnchorParams { num_lines: 5000, ..Default::default() }).unwrap();

@@ -55,7 +55,7 @@ fn lines_are_isotropic_and_uniform() {
 }
 
 #[test]
-fn hit_counts_follow_the_law() {
+fn hit_counts_agree_with_the_formula() {
     for (n, num_lines) in [(5000, 40_000), (20_000, 80_000)] {
         let points = figure(n, 11);
         let params = AnchorParams::default();
@@ -90,7 +90,7 @@ fn hit_counts_follow_the_law() {
         let expected = expected_hits(num_lines, delta, sphere.radius);
         assert!(
             (found / expected - 1.0).abs() < 0.1,
-            "{n} points: {found} hits per triple, the law says {expected}"
+            "{n} points: {found} hits per triple, expected {expected}"
         );
         let enough = lines_for_hits(found, delta, sphere.radius) as f64;
         assert!((enough / num_lines as f64 - 1.0).abs() < 0.1, "inverse law: {enough} lines");
@@ -98,7 +98,7 @@ fn hit_counts_follow_the_law() {
 }
 
 #[test]
-fn unusable_lines_are_refused() {
+fn invalid_lines_are_rejected() {
     let good = Line { point: [0.0; 3], direction: [0.0, 0.0, 1.0] };
     for bad in [
         Line { point: [f64::NAN, 0.0, 0.0], ..good },

@@ -88,7 +88,7 @@ fn joint_space_equals_brute_force() {
 }
 
 #[test]
-fn no_points_no_neighbors() {
+fn empty_trees_have_no_neighbors() {
     let tree = KdTree::<3>::new(&[]);
     let mut found = vec![Neighbor { distance_squared: 0.0, id: 0 }];
     tree.nearest(&[0.0; 3], 4, &mut found);
@@ -96,7 +96,7 @@ fn no_points_no_neighbors() {
 }
 
 #[test]
-fn normal_features_are_sines_apart() {
+fn distances_of_normal_features_are_sines() {
     let mut rng = Rng::new(4);
     for _ in 0..100 {
         let (a, b) = (rng.on_sphere(), rng.on_sphere());

@@ -93,7 +93,7 @@ fn check(points: &[Vec3], what: &str) {
 }
 
 #[test]
-fn random_clouds_get_the_smallest_ball() {
+fn spheres_of_random_clouds_are_minimal() {
     for seed in 0..40 {
         let n = 2 + Rng::new(seed).below(60);
         check(&cube(n, seed), &format!("cube of {n}, seed {seed}"));
@@ -116,7 +116,7 @@ fn small_clouds_equal_brute_force() {
 }
 
 #[test]
-fn degenerate_clouds_get_the_smallest_ball() {
+fn spheres_of_degenerate_clouds_are_minimal() {
     let mut rng = Rng::new(5);
     check(&lattice(200, 4, 1), "lattice");
     let collinear: Vec<Vec3> =
@@ -136,7 +136,7 @@ fn degenerate_clouds_get_the_smallest_ball() {
 }
 
 #[test]
-fn known_balls() {
+fn spheres_of_known_shapes() {
     let sphere = BoundingSphere::of(&[[0.0_f32, 0.0, 0.0], [2.0, 0.0, 0.0]]).unwrap();
     assert_eq!(sphere, BoundingSphere { center: [1.0, 0.0, 0.0], radius: 1.0 }, "two points");
     let corners: Vec<Vec3> = (0..8).map(|i| [0, 1, 2].map(|d| f64::from(i >> d & 1))).collect();
@@ -161,7 +161,7 @@ fn the_optimality_check_rejects_a_larger_ball() {
 }
 
 #[test]
-fn order_does_not_change_a_bit() {
+fn order_does_not_change_bits() {
     for (seed, points) in [cube(300, 1), lattice(300, 4, 2), figure(40_000, 3)].iter().enumerate() {
         let sphere = BoundingSphere::of(points).unwrap();
         let order = permutation(points.len(), seed as u64);
@@ -171,7 +171,7 @@ fn order_does_not_change_a_bit() {
 }
 
 #[test]
-fn union_is_the_ball_of_all_points() {
+fn the_sphere_of_a_union_contains_all_points() {
     let all = figure(1000, 4);
     let (a, b) = all.split_at(300);
     let whole = BoundingSphere::of(&all).unwrap();

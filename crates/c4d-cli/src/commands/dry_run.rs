@@ -67,7 +67,7 @@ impl Change {
     fn of(identity: Identity) -> Self {
         match identity {
             Identity::Unchanged(_) => Self::Unchanged,
-            Identity::Recoloured(_) => Self::Recoloured,
+            Identity::Recolored(_) => Self::Recoloured,
             Identity::Moved { .. } => Self::Moved,
             Identity::Edited => Self::New,
         }
@@ -92,7 +92,7 @@ pub(super) fn show(
         .map_err(|error| Failure::bad_input(chain(&error)))?;
     let fates = map.rows.iter().map(|row| Change::of(*row));
     let fates: Vec<Change> =
-        fates.chain(std::iter::repeat_n(Change::Removed, map.vanished.len())).collect();
+        fates.chain(std::iter::repeat_n(Change::Removed, map.removed.len())).collect();
     let count = |change| fates.iter().filter(|other| **other == change).count();
     let counts = Change::ALL.map(|change| (change.name().to_owned(), json!(count(change))));
     console.report(|| json!({ "splats": serde_json::Map::from_iter(counts) }));
@@ -101,7 +101,7 @@ pub(super) fn show(
     }
 
     let mut both = after.clone();
-    for &row in &map.vanished {
+    for &row in &map.removed {
         both.push_from(before, row as usize);
     }
     let device = Device::open(global.gpu)?;

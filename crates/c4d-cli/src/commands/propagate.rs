@@ -18,7 +18,7 @@ use crate::scene::{self, LoadedScene};
 use crate::settings::{PropagateJob, RefineSettings, Settings};
 use crate::stages::Stages;
 use crate::{frames, memory, placement};
-use amg::{Follow, MotionGuide, MotionOptions, Preset};
+use amg::{Follow, MotionGuide, MotionOptions, MotionPreset};
 use gs_core::Extent;
 use gs_io::AtomicDir;
 use run_files::Finished;
@@ -150,7 +150,7 @@ fn follow(args: &PropagateJob, source: &LoadedScene, console: &Console) -> Outco
 
 fn options(args: &PropagateJob, source: &LoadedScene) -> Outcome<MotionOptions> {
     let mut options = match (args.baseline, args.preset) {
-        (Some(BaselineArg::Knn), _) => MotionOptions::preset(Preset::Knn),
+        (Some(BaselineArg::Knn), _) => MotionOptions::preset(MotionPreset::Knn),
         (Some(BaselineArg::Deformnet), _) => {
             let network = source.network.clone().ok_or_else(|| {
                 Failure::usage(format!(
@@ -162,8 +162,8 @@ fn options(args: &PropagateJob, source: &LoadedScene) -> Outcome<MotionOptions> 
             })?;
             MotionOptions::field(Arc::new(NetworkField(network)))
         }
-        (None, PresetArg::Paper) => MotionOptions::preset(Preset::Paper),
-        (None, PresetArg::Best) => MotionOptions::preset(Preset::Regions),
+        (None, PresetArg::Paper) => MotionOptions::preset(MotionPreset::Paper),
+        (None, PresetArg::Best) => MotionOptions::preset(MotionPreset::Regions),
     };
     options.edit_time = Some(args.time);
     if let MotionGuide::Paper(params) = &mut options.guide {

@@ -101,7 +101,7 @@ fn undo(
 ) -> Outcome<Option<Splats>> {
     let similarity = map.similarities[group as usize];
     let Some((centre, size)) = ball_of_most_splats(frame) else { return Ok(None) };
-    if similarity.is_still(centre, 2.0 * size) {
+    if similarity.is_negligible(centre, 2.0 * size) {
         return Ok(None);
     }
     let what = similarity.describe(centre, 2.0 * size);
@@ -109,12 +109,12 @@ fn undo(
     if args.align {
         let back = similarity.inverse();
         if let Some(precision) = &params.precision {
-            params.precision = Some(Arc::new(back.place_precision(precision, edited.len())));
+            params.precision = Some(Arc::new(back.transform_precision(precision, edited.len())));
         }
         console.note(format!(
             "{file} is the scene {what}: this was undone, so the result is in the scene's own frame"
         ));
-        return Ok(Some(back.place(edited)));
+        return Ok(Some(back.transform(edited)));
     }
     if args.allow_far {
         console.warn(format!("{file} is the scene {what}: the result keeps this"));
@@ -140,7 +140,7 @@ fn refuse_other_time(
 ) -> Outcome {
     let unmatched: Vec<usize> =
         (0..edited.len()).filter(|&row| map.rows[row].in_place().is_none()).collect();
-    let (gone, new) = (map.vanished.len(), map.edited);
+    let (gone, new) = (map.removed.len(), map.edited);
     let exchanged = gone.abs_diff(new) as f64 <= EXCHANGED * gone.max(new) as f64;
     let most = 2 * unmatched.len() > edited.len();
     if unmatched.len() < FEW_ROWS || !(most || exchanged) {
@@ -338,14 +338,14 @@ fn complete(
         return Ok(edited);
     }
     let (hidden, shown): (Vec<u32>, Vec<u32>) =
-        map.vanished.iter().partition(|&&id| frame.opacity(id as usize) < ALPHA_THRESHOLD);
+        map.removed.iter().partition(|&&id| frame.opacity(id as usize) < ALPHA_THRESHOLD);
     let num_hidden = (0..frame.len()).filter(|&id| frame.opacity(id) < ALPHA_THRESHOLD).count();
     let num_shown = frame.len() - num_hidden;
     let selection_only = 2 * shown.len() > num_shown;
     let left_out = !hidden.is_empty() && hidden.len() == num_hidden && !selection_only;
     let added: &[u32] = if args.keep_rest {
-        console.note(format!("--keep-rest: {} splats of the scene added", map.vanished.len()));
-        &map.vanished
+        console.note(format!("--keep-rest: {} splats of the scene added", map.removed.len()));
+        &map.removed
     } else if left_out {
         console.note(format!(
             "{num_hidden} splats of the scene that are invisible at time {time} are not in {file} \
@@ -364,7 +364,7 @@ fn complete(
     }
     let removed = if added.is_empty() { hidden.len() } else { 0 };
     let unseen = |row: &&Identity| {
-        let changed = matches!(row, Identity::Recoloured(_) | Identity::Moved { .. });
+        let changed = matches!(row, Identity::Recolored(_) | Identity::Moved { .. });
         changed && row.source().is_some_and(|id| frame.opacity(id as usize) < ALPHA_THRESHOLD)
     };
     let changed = map.rows.iter().filter(unseen).count();

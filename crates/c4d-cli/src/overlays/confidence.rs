@@ -40,7 +40,7 @@ pub(crate) fn confidence(
     let mut inherited = binding.surface().map_or(&[][..], |surface| &surface.inherited).iter();
     #[expect(clippy::cast_possible_truncation, reason = "0 to 1")]
     let of_row = |(row, &kind): (usize, &RowKind)| match kind {
-        RowKind::Unchanged | RowKind::Recoloured | RowKind::Moved | RowKind::Copied => Some(1.0),
+        RowKind::Unchanged | RowKind::Recolored | RowKind::Moved | RowKind::Copied => Some(1.0),
         RowKind::Descendant => inherited.next().map(|inherited| inherited.confidence),
         RowKind::Blended if worst[row] == 0.0 => Some(1.0),
         RowKind::Blended => Some((-worst[row] / (MISFIT * size)).exp() as f32),

@@ -32,7 +32,7 @@ impl Class {
     pub(crate) fn of(kind: RowKind) -> Self {
         match kind {
             RowKind::Unchanged => Self::Unchanged,
-            RowKind::Recoloured => Self::Recoloured,
+            RowKind::Recolored => Self::Recoloured,
             RowKind::Moved | RowKind::Copied => Self::Moved,
             RowKind::Blended => Self::Follows,
             RowKind::Static => Self::Stays,

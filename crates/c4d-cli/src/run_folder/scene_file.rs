@@ -72,7 +72,7 @@ impl RefinedRows {
         let mut kinds = binding.kinds().to_vec();
         for row in self.changes(edited) {
             if kinds[row] == RowKind::Unchanged {
-                kinds[row] = RowKind::Recoloured;
+                kinds[row] = RowKind::Recolored;
             }
         }
         Binding::from_parts_with_groups(

@@ -1,8 +1,8 @@
-//! Arrays of `scene.c4d` for edits that apply to surfaces: lasting splats with their carriers, and
+//! Arrays of `scene.c4d` for edits that apply to surfaces: persistent splats with their carriers, and
 //! inherited edits of rows.
 
 use super::entry::{Entry, le_bytes};
-use amg::{Carrier, ColorChange, Inherited, Lasting, Surface};
+use amg::{Carrier, ColorChange, Inherited, PersistentSplats, SurfaceBinding};
 use safetensors::{Dtype, SafeTensors};
 
 /// Number of values of a carrier: rest position, floor, peak.
@@ -13,14 +13,14 @@ const INHERITED: usize = 15;
 /// Marks a row without a group.
 const NO_GROUP: u32 = u32::MAX;
 
-pub(super) fn write(surface: &Surface) -> Vec<Entry> {
-    let Surface { lasting, inherited } = surface;
+pub(super) fn write(surface: &SurfaceBinding) -> Vec<Entry> {
+    let SurfaceBinding { persistent, inherited } = surface;
     let ints =
         |name, data: &[u32]| (name, Dtype::U32, vec![data.len()], le_bytes(data, u32::to_le_bytes));
     let floats =
         |name, shape, data: &[f32]| (name, Dtype::F32, shape, le_bytes(data, f32::to_le_bytes));
-    let sources: Vec<u32> = lasting.carriers.iter().map(|carrier| carrier.source).collect();
-    let carriers: Vec<f32> = lasting
+    let sources: Vec<u32> = persistent.carriers.iter().map(|carrier| carrier.source).collect();
+    let carriers: Vec<f32> = persistent
         .carriers
         .iter()
         .flat_map(|c| [c.rest[0], c.rest[1], c.rest[2], c.floor, c.peak])
@@ -35,10 +35,10 @@ pub(super) fn write(surface: &Surface) -> Vec<Entry> {
         values.push(i.color.harmonics);
     }
     vec![
-        ints("lasting.ids", &lasting.ids),
-        ints("lasting.offsets", &lasting.offsets),
-        ints("lasting.carried_by", &lasting.carried_by),
-        floats("lasting.weights", vec![lasting.weights.len()], &lasting.weights),
+        ints("lasting.ids", &persistent.ids),
+        ints("lasting.offsets", &persistent.offsets),
+        ints("lasting.carried_by", &persistent.carrier_indices),
+        floats("lasting.weights", vec![persistent.weights.len()], &persistent.weights),
         ints("carriers.sources", &sources),
         floats("carriers.values", vec![sources.len(), CARRIER], &carriers),
         ints("inherited.rows", &rows),
@@ -55,7 +55,7 @@ pub(super) fn read(
     floats: &impl Fn(&str) -> Result<Vec<f32>, String>,
     ints: &impl Fn(&str) -> Result<Vec<u32>, String>,
     file: &SafeTensors<'_>,
-) -> Result<Option<Surface>, String> {
+) -> Result<Option<SurfaceBinding>, String> {
     if file.tensor("inherited.rows").is_err() {
         return Ok(None);
     }
@@ -94,12 +94,12 @@ pub(super) fn read(
             }
         })
         .collect();
-    let lasting = Lasting {
+    let persistent = PersistentSplats {
         ids: ints("lasting.ids")?,
         offsets: ints("lasting.offsets")?,
-        carried_by: ints("lasting.carried_by")?,
+        carrier_indices: ints("lasting.carried_by")?,
         weights: floats("lasting.weights")?,
         carriers,
     };
-    Ok(Some(Surface { lasting, inherited }))
+    Ok(Some(SurfaceBinding { persistent, inherited }))
 }

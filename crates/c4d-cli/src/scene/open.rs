@@ -211,7 +211,7 @@ fn open_edited(
     let rows = format!(
         "{} unchanged, {} recoloured, {} moved, {} blended, {} static{}",
         count(RowKind::Unchanged),
-        count(RowKind::Recoloured),
+        count(RowKind::Recolored),
         count(RowKind::Moved) + count(RowKind::Copied),
         count(RowKind::Blended),
         count(RowKind::Static),

@@ -87,7 +87,7 @@ fn top(frames: &[Splats], radius: f32) -> Vec<usize> {
 }
 
 fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Splats {
-    let (placed, mut edited) = (similarity.place(&splats.select(rows)), splats.clone());
+    let (placed, mut edited) = (similarity.transform(&splats.select(rows)), splats.clone());
     let coeffs = edited.sh_coeffs();
     for (i, &row) in rows.iter().enumerate() {
         edited.means[row] = placed.means[i];
@@ -101,7 +101,7 @@ fn with_placed(splats: &Splats, rows: &[usize], similarity: &Similarity) -> Spla
 #[test]
 fn a_rotated_scene_is_detected_and_align_undoes_it() {
     let (setup, frames) = (Setup::new(), originals());
-    let edited = setup.save("turned.ply", &HALF_TURN_ABOUT_X.place(&frames[0]));
+    let edited = setup.save("turned.ply", &HALF_TURN_ABOUT_X.transform(&frames[0]));
     let stderr = failure(&mut setup.propagate(&edited, "refused", &[]), 3);
     assert!(stderr.contains("is the scene rotated 180° about x"), "{stderr}");
     assert!(stderr.contains("--align"), "the next step: {stderr}");
@@ -115,7 +115,7 @@ fn a_rotated_scene_is_detected_and_align_undoes_it() {
     // Without --align, the scene moves in the rotated frame.
     let (_, stderr) = success(&mut setup.propagate(&edited, "kept", &["--allow-far"]));
     assert!(stderr.contains("keeps this"), "{stderr}");
-    let last = HALF_TURN_ABOUT_X.place(frames.last().unwrap());
+    let last = HALF_TURN_ABOUT_X.transform(frames.last().unwrap());
     let found = setup.frames("kept");
     let far = |a: &Splats, b: &Splats| {
         let pairs = a.means.iter().zip(&b.means);
@@ -154,7 +154,7 @@ fn axes_scale_and_handedness_of_other_tools() {
             "moved by (40, 0, -7)",
         ),
     ] {
-        let edited = setup.save(&format!("{name}.ply"), &similarity.place(&frames[0]));
+        let edited = setup.save(&format!("{name}.ply"), &similarity.transform(&frames[0]));
         let stderr = failure(&mut setup.propagate(&edited, &format!("{name}-no"), &[]), 3);
         assert!(stderr.contains(words), "{name}: {stderr}");
         success(&mut setup.propagate(&edited, name, &["--align"]));
@@ -232,7 +232,7 @@ fn a_saved_selection_causes_a_warning_and_the_rest_is_kept_on_request() {
     // A selection that was scaled before it was saved does not change the size
     // of the whole scene, unless --align is given.
     let larger = Similarity { scale: 1.5, ..Similarity::IDENTITY };
-    let edited = setup.save("larger.ply", &larger.place(&frames[0].select(&rows)));
+    let edited = setup.save("larger.ply", &larger.transform(&frames[0].select(&rows)));
     let (_, stderr) = success(&mut setup.propagate(&edited, "larger", &[]));
     assert!(
         stderr.contains(&format!("{} splats moved as a group: scaled by 1.5", rows.len())),

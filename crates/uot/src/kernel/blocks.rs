@@ -37,7 +37,7 @@ impl Entry for f64 {
 
 impl Entry for f32 {
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "f32 storage is what was asked for")]
+    #[expect(clippy::cast_possible_truncation, reason = "f32 storage was requested")]
     fn pack(value: f64) -> Self {
         value as Self
     }
@@ -186,7 +186,7 @@ impl<T: Entry> Chunk<T> {
         }
     }
 
-    /// Lanes of `S x` for the rows of this chunk, still to be summed. Summing here would make the
+    /// Lanes of `S x` for the rows of this chunk, not yet summed: summing here would make the
     /// compiler transpose every block.
     #[inline(always)]
     fn rows(&self, x: &[Lane], sums: &mut [Block]) {

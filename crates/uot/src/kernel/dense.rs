@@ -9,8 +9,8 @@ use super::gibbs::{Kernel, chunk_len, largest};
 use crate::simd::{LANES, Lane, dispatch, exp, exp_shifted, fold};
 use rayon::prelude::*;
 
-/// Largest `(max D − min D)/λ0` for which products of kernel and scalings stay far from the ends of
-/// f64.
+/// Largest `(max D − min D)/λ0` for which products of kernel and scalings stay far from the limits
+/// of f64.
 pub(crate) const MAX_SCALED_RANGE: f64 = 200.0;
 
 /// Stored `exp(−(D − min D)/λ0)`.
@@ -25,8 +25,8 @@ pub(crate) struct DenseKernel {
 }
 
 impl DenseKernel {
-    /// `cost` is `[n, m]` row-major with smallest entry `least`.
-    pub(crate) fn new(cost: &[f64], num_cols: usize, least: f64, lambda_ent: f64) -> Self {
+    /// `cost` is `[n, m]` row-major with smallest entry `smallest`.
+    pub(crate) fn new(cost: &[f64], num_cols: usize, smallest: f64, lambda_ent: f64) -> Self {
         let mut values = vec![0.0; cost.len()];
         let inverse = lambda_ent.recip();
         values.par_chunks_mut(1 << 14).zip(cost.par_chunks(1 << 14)).for_each(|(out, cost)| {
@@ -34,7 +34,7 @@ impl DenseKernel {
                 #[inline(always)]
                 || {
                     for (o, &d) in out.iter_mut().zip(cost) {
-                        *o = exp((least - d) * inverse);
+                        *o = exp((smallest - d) * inverse);
                     }
                 },
             );
@@ -43,7 +43,7 @@ impl DenseKernel {
         Self {
             values,
             num_cols,
-            offset: -least * inverse,
+            offset: -smallest * inverse,
             row_scratch: vec![0.0; num_rows],
             col_scratch: vec![0.0; num_cols],
         }

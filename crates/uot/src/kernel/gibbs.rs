@@ -11,8 +11,8 @@ pub(crate) trait Kernel: Send {
 
 /// Rows or leaves per parallel task: at most 128 tasks, on any machine, so that sums keep their
 /// order.
-pub(super) fn chunk_len(count: usize, least: usize) -> usize {
-    count.div_ceil(128).max(least)
+pub(super) fn chunk_len(count: usize, min: usize) -> usize {
+    count.div_ceil(128).max(min)
 }
 
 pub(super) fn largest(values: &[f64]) -> f64 {

@@ -7,17 +7,18 @@ use rayon::prelude::*;
 /// Growth of a scaling (natural logarithm) since the stored values were computed, above which they
 /// are recomputed.
 const MAX_GROWTH: f64 = 100.0;
-/// Sums outside `1/TRUSTED ..= TRUSTED` may have lost terms and are computed from the costs.
-const TRUSTED: f64 = 1e200;
-/// Share of lines computed from the costs above which the stored values are recomputed.
-const MAX_LOST: f64 = 0.1;
+/// Sums outside `1/SAFE_SUM ..= SAFE_SUM` may lack terms that underflowed, and are recomputed from
+/// the costs.
+const SAFE_SUM: f64 = 1e200;
+/// Share of rows or columns recomputed from the costs above which the stored values are recomputed.
+const MAX_UNSAFE_SHARE: f64 = 0.1;
 /// Minimum number of rows or columns per parallel task.
 const MIN_TASK: usize = 256;
 
 /// `exp(−D_ij/λ0 + row_shift_i + col_shift_j)` of the listed pairs, by row and by column.
 ///
-/// With the shifts near the scalings, the stored value is near the entry of the plan itself: what
-/// underflows is negligible in the plan, for any λ0.
+/// With the shifts near the scalings, the stored value is near the entry of the plan itself: values
+/// that underflow are negligible in the plan, for any λ0.
 #[derive(Debug)]
 pub(crate) struct SparseKernel<'a> {
     cost: &'a SparseCost,
@@ -28,7 +29,7 @@ pub(crate) struct SparseKernel<'a> {
     col_shift: Vec<f64>,
     /// `e^(x − shift)` of the side that is multiplied.
     scratch: Vec<f64>,
-    made: bool,
+    is_stored: bool,
 }
 
 impl<'a> SparseKernel<'a> {
@@ -41,12 +42,12 @@ impl<'a> SparseKernel<'a> {
             row_shift: vec![0.0; cost.num_rows()],
             col_shift: vec![0.0; cost.num_cols()],
             scratch: Vec::new(),
-            made: false,
+            is_stored: false,
         }
     }
 
     /// Computes the stored values for the current shifts.
-    fn make(&mut self) {
+    fn store(&mut self) {
         let (cost, inverse) = (self.cost, self.inverse);
         let (row_shift, col_shift) = (&self.row_shift, &self.col_shift);
         let mut rest = &mut self.by_row[..];
@@ -67,7 +68,7 @@ impl<'a> SparseKernel<'a> {
             .zip(&cost.positions)
             .with_min_len(1 << 14)
             .for_each(|(value, &at)| *value = by_row[at as usize]);
-        self.made = true;
+        self.is_stored = true;
     }
 }
 
@@ -85,14 +86,14 @@ fn outgrown(x: &[f64], shift: &[f64]) -> bool {
     x.iter().zip(shift).any(|(x, s)| x - s > MAX_GROWTH)
 }
 
-/// Shifts equal to the scalings; 0 where a scaling has no logarithm.
-fn follow(shift: &mut [f64], x: &[f64]) {
+/// Sets the shifts to the scalings; to 0 where a scaling is not finite.
+fn set_shifts(shift: &mut [f64], x: &[f64]) {
     for (shift, &x) in shift.iter_mut().zip(x) {
         *shift = if x.is_finite() { x } else { 0.0 };
     }
 }
 
-fn weigh(scratch: &mut Vec<f64>, x: &[f64], shift: &[f64]) {
+fn set_weights(scratch: &mut Vec<f64>, x: &[f64], shift: &[f64]) {
     scratch.clear();
     scratch.extend(x.iter().zip(shift).map(|(x, s)| (x - s).exp()));
 }
@@ -114,53 +115,53 @@ fn gathered(values: &[f64], ids: &[u32], weights: &[f64]) -> f64 {
 impl Kernel for SparseKernel<'_> {
     fn rows(&mut self, x: &[f64], out: &mut [f64]) {
         let (cost, inverse, out_len) = (self.cost, self.inverse, out.len());
-        if !self.made || outgrown(x, &self.col_shift) {
+        if !self.is_stored || outgrown(x, &self.col_shift) {
             out.par_iter_mut().enumerate().with_min_len(MIN_TASK).for_each(|(i, value)| {
                 *value = log_sum(cost.row(i), x, inverse);
             });
-            follow(&mut self.col_shift, x);
+            set_shifts(&mut self.col_shift, x);
             let negated: Vec<f64> = out.iter().map(|value| -value).collect();
-            follow(&mut self.row_shift, &negated);
-            self.make();
+            set_shifts(&mut self.row_shift, &negated);
+            self.store();
             return;
         }
-        weigh(&mut self.scratch, x, &self.col_shift);
+        set_weights(&mut self.scratch, x, &self.col_shift);
         let (values, weights, shift) = (&self.by_row, &self.scratch, &self.row_shift);
         let lost =
             out.par_iter_mut().enumerate().with_min_len(MIN_TASK).filter_map(|(i, value)| {
                 let range = cost.row_starts[i]..cost.row_starts[i + 1];
                 let sum = gathered(&values[range.clone()], &cost.cols[range.clone()], weights);
-                let trusted = (1.0 / TRUSTED..=TRUSTED).contains(&sum);
+                let trusted = (1.0 / SAFE_SUM..=SAFE_SUM).contains(&sum);
                 *value =
                     if trusted { sum.ln() - shift[i] } else { log_sum(cost.row(i), x, inverse) };
                 (!trusted && !range.is_empty()).then_some(())
             });
-        self.made = lost.count() as f64 <= MAX_LOST * out_len as f64;
+        self.is_stored = lost.count() as f64 <= MAX_UNSAFE_SHARE * out_len as f64;
     }
 
     fn cols(&mut self, x: &[f64], out: &mut [f64]) {
         let (cost, inverse, out_len) = (self.cost, self.inverse, out.len());
-        if !self.made || outgrown(x, &self.row_shift) {
+        if !self.is_stored || outgrown(x, &self.row_shift) {
             out.par_iter_mut().enumerate().with_min_len(MIN_TASK).for_each(|(j, value)| {
                 *value = log_sum(cost.col(j), x, inverse);
             });
-            follow(&mut self.row_shift, x);
+            set_shifts(&mut self.row_shift, x);
             let negated: Vec<f64> = out.iter().map(|value| -value).collect();
-            follow(&mut self.col_shift, &negated);
-            self.make();
+            set_shifts(&mut self.col_shift, &negated);
+            self.store();
             return;
         }
-        weigh(&mut self.scratch, x, &self.row_shift);
+        set_weights(&mut self.scratch, x, &self.row_shift);
         let (values, weights, shift) = (&self.by_col, &self.scratch, &self.col_shift);
         let lost =
             out.par_iter_mut().enumerate().with_min_len(MIN_TASK).filter_map(|(j, value)| {
                 let range = cost.col_starts[j]..cost.col_starts[j + 1];
                 let sum = gathered(&values[range.clone()], &cost.rows[range.clone()], weights);
-                let trusted = (1.0 / TRUSTED..=TRUSTED).contains(&sum);
+                let trusted = (1.0 / SAFE_SUM..=SAFE_SUM).contains(&sum);
                 *value =
                     if trusted { sum.ln() - shift[j] } else { log_sum(cost.col(j), x, inverse) };
                 (!trusted && !range.is_empty()).then_some(())
             });
-        self.made = lost.count() as f64 <= MAX_LOST * out_len as f64;
+        self.is_stored = lost.count() as f64 <= MAX_UNSAFE_SHARE * out_len as f64;
     }
 }

@@ -3,8 +3,8 @@
 use crate::failure::{Failure, Outcome};
 use crate::field::NetworkField;
 use amg::{
-    Aggregation, AnchorSampling, Binding, EditedScene, MotionGuide, MotionOptions, PaperParams,
-    Preset,
+    Aggregation, AnchorSampling, Binding, EditedScene, MotionGuide, MotionOptions, MotionPreset,
+    PaperParams,
 };
 use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
@@ -91,15 +91,15 @@ impl Method {
                 let field = Arc::new(NetworkField(DeformedModel::HexPlane(Arc::clone(&network))));
                 (network, MotionOptions::field(field))
             }
-            Self::Knn => (plain(), MotionOptions::preset(Preset::Knn)),
-            Self::Paper => (plain(), MotionOptions::preset(Preset::Paper)),
+            Self::Knn => (plain(), MotionOptions::preset(MotionPreset::Knn)),
+            Self::Paper => (plain(), MotionOptions::preset(MotionPreset::Paper)),
             Self::PaperFarthest => {
                 let params = PaperParams {
                     sampling: AnchorSampling::FarthestPoints,
                     ..PaperParams::default()
                 };
                 let guide = MotionGuide::Paper(params);
-                (plain(), MotionOptions::preset(Preset::Paper).with_guide(guide))
+                (plain(), MotionOptions::preset(MotionPreset::Paper).with_guide(guide))
             }
             Self::Default | Self::DefaultAll => (plain(), MotionOptions::default()),
             Self::DefaultOnNetwork => (trained()?, MotionOptions::default()),

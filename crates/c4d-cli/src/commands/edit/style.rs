@@ -4,7 +4,7 @@ use crate::camera_rig::CameraRig;
 use crate::console::Console;
 use crate::device::Device;
 use crate::failure::{Failure, Outcome};
-use crate::scene::Opened;
+use crate::scene::LoadedScene;
 use gs_core::{Camera, Image, Splats};
 use gs_edit::StyleTransfer;
 use gs_fit::{StyleFit, StyleOptions, fit_style};
@@ -28,7 +28,7 @@ pub(super) struct ViewStyle<'a> {
 
 impl<'a> ViewStyle<'a> {
     pub(super) fn new(
-        opened: &Opened,
+        opened: &LoadedScene,
         up: [f64; 3],
         device: Device,
         console: &'a Console,

@@ -11,7 +11,7 @@ use crate::output::{existing, output_failure};
 use crate::run_folder::{Checkpoint, RunFiles};
 use crate::scene;
 use crate::settings::{PropagateJob, Settings};
-use amg::{MotionGuide, MotionOptions, PaperParams, Preset};
+use amg::{MotionGuide, MotionOptions, MotionPreset, PaperParams};
 use gs_core::DynamicScene;
 use gs_io::AtomicDir;
 use serde_json::{Value, json};
@@ -195,7 +195,7 @@ fn sweep(
     let mut values = Vec::new();
     let mut progress = console.progress("sweep", LAMBDAS.len() as u64);
     for lambdas in LAMBDAS {
-        let mut options = MotionOptions::preset(Preset::Paper);
+        let mut options = MotionOptions::preset(MotionPreset::Paper);
         options.edit_time = Some(opened.edit_time);
         options.guide = MotionGuide::Paper(PaperParams { lambdas, ..PaperParams::default() });
         let found = amg::propagate(Arc::clone(source), Arc::clone(&edited), &options, &|_, _| {})

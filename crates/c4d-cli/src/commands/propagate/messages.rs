@@ -41,15 +41,15 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
     } else {
         console.note(format!(
             "{} unchanged (exact), {} recoloured (exact motion), {} edited or new; {} source splats removed",
-            report.unchanged, report.recoloured, report.edited, report.vanished
+            report.unchanged, report.recolored, report.edited, report.removed
         ));
     }
     for (count, what) in &report.moved_groups {
         console
             .note(format!("{count} splats moved as a group: {what}; they keep their own motion"));
     }
-    if report.beside_copies > 0 {
-        console.note(format!("{} edited splats next to a copy follow it", report.beside_copies));
+    if report.near_copies > 0 {
+        console.note(format!("{} edited splats next to a copy follow it", report.near_copies));
     }
     console.note(format!(
         "motion of {} edited splats from {} moving source splats in {seconds:.2} s; {} do not move",
@@ -64,7 +64,7 @@ pub(super) fn report(report: &MotionReport, motion: MotionArg, seconds: f64, con
         ));
         console.note(format!(
             "inherited: {} recoloured, {} removed, {} moved; confidence {:.2}, {} below 0.5",
-            inheritance.recoloured,
+            inheritance.recolored,
             inheritance.removed,
             inheritance.moved,
             inheritance.confidence,
@@ -104,12 +104,12 @@ pub(super) fn facts(
                 "{}: {} unchanged, {} recoloured, {} moved as groups, {} edited or new",
                 report.num_edited_splats,
                 report.unchanged,
-                report.recoloured,
+                report.recolored,
                 report.moved,
                 report.edited
             ),
         ),
-        ("removed", report.vanished.to_string()),
+        ("removed", report.removed.to_string()),
         ("motion", format!("{seconds:.2} s")),
     ]
     .map(|(name, value)| (name.to_owned(), value))
@@ -136,17 +136,17 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
         "edited": {
             "splats": report.num_edited_splats,
             "unchanged": report.unchanged,
-            "recoloured": report.recoloured,
+            "recoloured": report.recolored,
             "moved": report.moved,
             "moved_groups": report.moved_groups.iter().map(|(splats, what)| json!({
                 "splats": splats,
                 "transformation": what,
             })).collect::<Vec<_>>(),
             "edited": report.edited,
-            "removed": report.vanished,
+            "removed": report.removed,
             "blended": report.blended,
             "static": report.static_rows,
-            "next_to_copies": report.beside_copies,
+            "next_to_copies": report.near_copies,
             "field": report.field_rows,
             "out_of_reach": report.out_of_reach,
             "non_finite": report.broken_rows,
@@ -155,13 +155,13 @@ pub(super) fn json(report: &MotionReport, seconds: f64) -> Value {
             "ever_visible": inheritance.visible,
             "visible_in_edit_frame": inheritance.shown,
             "with_ancestors": inheritance.with_ancestors,
-            "recoloured": inheritance.recoloured,
+            "recoloured": inheritance.recolored,
             "removed": inheritance.removed,
             "moved": inheritance.moved,
             "copied": inheritance.copied,
             "confidence": inheritance.confidence,
             "low_confidence": inheritance.unsure,
-            "extended": inheritance.lasting,
+            "extended": inheritance.persistent,
         })),
         "anchors": { "source": report.anchors[0], "edited": report.anchors[1], "unmatched": report.unmatched_anchors },
         "transport": report.transport.as_ref().map(|transport| json!({

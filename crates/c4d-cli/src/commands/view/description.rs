@@ -150,7 +150,7 @@ impl Descriptions {
                 format!("that of source splat {first}, exactly"),
                 format!("all its values equal those of source splat {first}"),
             ),
-            RowKind::Recoloured => (
+            RowKind::Recolored => (
                 format!("that of source splat {first}, exactly"),
                 format!("its position, rotation and size equal those of source splat {first}"),
             ),

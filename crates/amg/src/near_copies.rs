@@ -1,8 +1,9 @@
-//! Edited splats beside a copy, for example a hat on the copy of a dancer.
+//! Edited splats next to a copy, for example a hat on the copy of a dancer.
 //!
-//! Such splats belong to the copy, not to the source around them. Each is assigned the source splat
-//! that is nearest under the inverse of the copy's similarity, and moves as the copy of that splat.
-//! Splats beside a selection that was moved, not copied, are left to the motion guide.
+//! Such splats move with the copy, not with the source splats around them. Each is assigned the
+//! source splat that is nearest under the inverse of the copy's similarity, and moves as the copy
+//! of that splat. Splats next to a selection that was moved, not copied, are left to the motion
+//! guide.
 
 use crate::carriers::copies;
 use crate::identity::{Identity, IdentityMap};
@@ -21,7 +22,7 @@ pub(crate) struct Companion {
     pub(crate) neighbor: usize,
 }
 
-/// Edited rows whose nearest recognised splat is one of a copy, within `reach` (world units).
+/// Edited rows whose nearest recognised splat belongs to a copy, within `reach` (world units).
 pub(crate) fn companions(
     keys: &KeyFrames,
     edited: &Splats,

@@ -1,35 +1,35 @@
-//! [`Lives`]: which source splats are visible at which key times, and where they are.
+//! [`Lifetimes`]: which source splats are visible at which key times, and where they are.
 
 use gs_core::{DynamicScene, SceneError, Splats};
 
 /// Opacity below which a splat counts as invisible.
-const LEAST_OPACITY: f32 = 0.02;
+const MIN_OPACITY: f32 = 0.02;
 /// Share of its own largest opacity below which a splat counts as invisible.
 const SHARE_OF_PEAK: f32 = 0.05;
-/// Presence from which the motion of a splat is followed: nearer to the ends of its life its
-/// position is hardly constrained by pictures.
-pub(crate) const PRESENT: f64 = 0.2;
-/// Number of key times: the shortest life expected, a twentieth of the clip, spans three.
+/// Minimum presence at which other splats follow a splat: near the ends of its lifetime, images
+/// hardly constrain its position.
+pub(crate) const FOLLOW_PRESENCE: f64 = 0.2;
+/// Number of key times: the shortest expected lifetime, a twentieth of the clip, covers three.
 const KEY_TIMES: usize = 65;
 /// Largest number of splats times key times, 16 bytes each (384 MB); larger scenes get fewer key
 /// times.
-const MAX_KEPT: usize = 24_000_000;
-const LEAST_KEY_TIMES: usize = 17;
+const MAX_SAMPLES: usize = 24_000_000;
+const MIN_KEY_TIMES: usize = 17;
 
-/// The range of opacities over which a splat appears.
+/// Opacities between which a splat's presence rises from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Visibility {
+pub(crate) struct OpacityRange {
     /// The splat is visible above this opacity.
     pub(crate) floor: f32,
     /// Largest opacity at any key time.
     pub(crate) peak: f32,
 }
 
-impl Visibility {
+impl OpacityRange {
     const NEVER: Self = Self { floor: f32::INFINITY, peak: f32::INFINITY };
 
     fn of(peak: f32) -> Self {
-        let floor = LEAST_OPACITY.max(SHARE_OF_PEAK * peak);
+        let floor = MIN_OPACITY.max(SHARE_OF_PEAK * peak);
         if peak > floor { Self { floor, peak } } else { Self::NEVER }
     }
 
@@ -40,9 +40,9 @@ impl Visibility {
     }
 }
 
-/// All source splats at the key times.
+/// Positions and opacities of all source splats at the key times.
 #[derive(Debug)]
-pub(crate) struct Lives {
+pub(crate) struct Lifetimes {
     /// Ascending; one of them is the edit time.
     pub(crate) times: Vec<f32>,
     /// Index of the edit time in `times`.
@@ -52,19 +52,19 @@ pub(crate) struct Lives {
     /// Opacities after the sigmoid, `[T][N]`.
     pub(crate) opacities: Vec<Vec<f32>>,
     /// Range of opacities of each splat, `[N]`.
-    pub(crate) visibility: Vec<Visibility>,
+    pub(crate) opacity_ranges: Vec<OpacityRange>,
     /// Key time of the largest opacity, `[N]`.
-    pub(crate) prime: Vec<usize>,
+    pub(crate) peak_time: Vec<usize>,
 }
 
-impl Lives {
+impl Lifetimes {
     pub(crate) fn of(
         source: &dyn DynamicScene,
         edit_time: f32,
         progress: &dyn Fn(f32),
     ) -> Result<Self, SceneError> {
         let n = source.num_splats();
-        let count = (MAX_KEPT / n.max(1)).clamp(LEAST_KEY_TIMES, KEY_TIMES);
+        let count = (MAX_SAMPLES / n.max(1)).clamp(MIN_KEY_TIMES, KEY_TIMES);
         let times = key_times(source, edit_time, count);
         let edit = times.iter().position(|&t| t >= edit_time).unwrap_or(times.len() - 1);
         let (mut means, mut opacities) = (Vec::new(), Vec::new());
@@ -81,7 +81,7 @@ impl Lives {
             opacities.push((0..n).map(|i| splats.opacity(i)).collect::<Vec<f32>>());
             progress((k + 1) as f32 / times.len() as f32);
         }
-        let prime: Vec<usize> = (0..n)
+        let peak_time: Vec<usize> = (0..n)
             .map(|i| {
                 let brightest = |best: usize, k: usize| {
                     if opacities[k][i] > opacities[best][i] { k } else { best }
@@ -89,32 +89,36 @@ impl Lives {
                 (0..times.len()).fold(0, brightest)
             })
             .collect();
-        let visibility = (0..n)
+        let opacity_ranges = (0..n)
             .map(|i| {
-                let peak = opacities[prime[i]][i];
-                if broken[i] || peak.is_nan() { Visibility::NEVER } else { Visibility::of(peak) }
+                let peak = opacities[peak_time[i]][i];
+                if broken[i] || peak.is_nan() {
+                    OpacityRange::NEVER
+                } else {
+                    OpacityRange::of(peak)
+                }
             })
             .collect();
-        Ok(Self { times, edit, means, opacities, visibility, prime })
+        Ok(Self { times, edit, means, opacities, opacity_ranges, peak_time })
     }
 
     /// Number of splats.
     pub(crate) fn len(&self) -> usize {
-        self.visibility.len()
+        self.opacity_ranges.len()
     }
 
     /// Whether splat `i` is visible at key time `k`.
     pub(crate) fn is_visible(&self, k: usize, i: usize) -> bool {
-        self.opacities[k][i] > self.visibility[i].floor
+        self.opacities[k][i] > self.opacity_ranges[i].floor
     }
 
     /// Presence of splat `i` at key time `k`, 0 to 1.
     pub(crate) fn presence(&self, k: usize, i: usize) -> f64 {
-        self.visibility[i].presence(self.opacities[k][i])
+        self.opacity_ranges[i].presence(self.opacities[k][i])
     }
 
     /// Position of splat `i` at key time `k`, world units.
-    pub(crate) fn place(&self, k: usize, i: usize) -> [f64; 3] {
+    pub(crate) fn position(&self, k: usize, i: usize) -> [f64; 3] {
         self.means[k][i].map(f64::from)
     }
 }

@@ -1,20 +1,20 @@
-//! [`Lasting`]: the splats of the edit frame extended over the whole clip. Before and after their
-//! own lives they follow the splats that represent the same surface.
+//! [`PersistentSplats`]: splats of the edit frame, extended over the whole clip. Outside their own
+//! lifetimes they follow the splats that represent the same surface.
 //!
-//! A splat `a` of the edit frame has a few carriers `s`, each with a rest place `p_s`, its position
-//! at the edit time. At time `t`, `a` moves by the rigid motion that best maps the rest places to
-//! the positions of the carriers,
+//! A splat `a` of the edit frame has a few carriers `s`, each with a rest position `p_s`, its
+//! position at the edit time. At time `t`, `a` moves by the rigid motion that best maps the rest
+//! positions to the positions of the carriers,
 //!
 //! ```text
 //! M_a(t) = argmin Σ_s w_as v_s(t)² |M p_s − x_s(t)|²,    x_a(t) = M_a(t) x_a
 //! ```
 //!
 //! where the presence `v_s(t)` of a carrier is continuous, 0 to 1, so that the motion is continuous
-//! from one generation to the next. `M_a` is taken relative to its value at the edit time, so that
-//! `a` is exactly in place in the edit frame.
+//! between generations. `M_a` is relative to its value at the edit time, so that `a` has exactly
+//! its own position in the edit frame.
 
 use crate::AmgError;
-use crate::generations::{FACING, Generations, NEIGHBORS, PRESENT, Visibility};
+use crate::generations::{FACING, FOLLOW_PRESENCE, Generations, NEIGHBORS, OpacityRange};
 use crate::rigid::{RigidFit, dot, norm};
 use crate::row_index::index;
 use crate::similarity::Similarity;
@@ -23,26 +23,26 @@ use gs_core::{DynamicScene, Real, SceneError, Splats, TimeRange, quat};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Largest number of times at which carriers are chosen; the steps between them are shorter than a
-/// life.
+/// Maximum number of times at which carriers are selected; the intervals are shorter than a
+/// lifetime.
 const CHOICES: usize = 33;
-/// Minimum presence of a carrier, so that the motion is defined where none of them is visible.
-const GONE: f64 = 1e-3;
+/// Minimum presence of a carrier, so that the motion is defined when none of them is visible.
+const MIN_PRESENCE: f64 = 1e-3;
 
-/// A source splat that others follow, with its rest place.
+/// A source splat whose motion persistent splats follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Carrier {
-    /// Source splat.
+    /// Id of the source splat.
     pub source: u32,
-    /// Rest place, world units.
+    /// Position at the edit time, world frame and units; estimated if it is invisible then.
     pub rest: [f32; 3],
-    /// Opacity, 0 to 1, up to which it is invisible.
+    /// Opacity, 0 to 1, at and below which its presence is 0.
     pub floor: f32,
     /// Opacity, 0 to 1, at which its presence is 1; above `floor`.
     pub peak: f32,
 }
 
-/// The neighbours of a splat at rest, at all times at which carriers are chosen.
+/// Neighbours of a splat in rest positions, over all times at which carriers are selected.
 #[derive(Debug, Clone, Default)]
 struct Near {
     /// Median squared distance, averaged over those times.
@@ -52,8 +52,8 @@ struct Near {
 }
 
 impl Carrier {
-    fn visibility(&self) -> Visibility {
-        Visibility { floor: self.floor, peak: self.peak }
+    fn opacity_range(&self) -> OpacityRange {
+        OpacityRange { floor: self.floor, peak: self.peak }
     }
 
     pub(crate) fn fault(&self, num_sources: usize) -> bool {
@@ -62,44 +62,47 @@ impl Carrier {
     }
 }
 
-/// Source splats of the edit frame that edited splats follow, and their carriers.
+/// Source splats of the edit frame that edited splats follow over the whole clip, and their
+/// carriers: a sparse matrix of weights.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Lasting {
+pub struct PersistentSplats {
     /// Source ids, ascending, `[A]`.
     pub ids: Vec<u32>,
-    /// Start of the carriers of each splat in `carried_by`, and the end of the last, `[A + 1]`.
+    /// Start of each splat's carriers in `carrier_indices`, and the end of the last, `[A+1]`.
     pub offsets: Vec<u32>,
     /// Indices into `carriers`, `[nnz]`.
-    pub carried_by: Vec<u32>,
+    pub carrier_indices: Vec<u32>,
     /// Weights above 0, `[nnz]`.
     pub weights: Vec<f32>,
-    /// All carriers, by source id.
+    /// All carriers, in ascending order of source id.
     pub carriers: Vec<Carrier>,
 }
 
-impl Lasting {
+impl PersistentSplats {
     /// The carriers of the splats `ids` (ascending).
     pub(crate) fn of(generations: &Generations, at_edit: &Splats, ids: &[u32]) -> Self {
-        let lives = &generations.lives;
-        let step = lives.times.len().div_ceil(CHOICES).max(1);
-        let mut chosen_at: Vec<usize> = (0..lives.times.len()).step_by(step).collect();
-        chosen_at.push(lives.edit);
-        chosen_at.push(lives.times.len() - 1);
+        let lifetimes = &generations.lifetimes;
+        let step = lifetimes.times.len().div_ceil(CHOICES).max(1);
+        let mut chosen_at: Vec<usize> = (0..lifetimes.times.len()).step_by(step).collect();
+        chosen_at.push(lifetimes.edit);
+        chosen_at.push(lifetimes.times.len() - 1);
         chosen_at.sort_unstable();
         chosen_at.dedup();
-        let places: Vec<[f64; 3]> =
+        let positions: Vec<[f64; 3]> =
             ids.iter().map(|&id| at_edit.means[id as usize].map(f64::from)).collect();
         let mut near_of: Vec<Near> = vec![Near::default(); ids.len()];
         for &k in &chosen_at {
-            let there: Vec<usize> = (0..lives.len())
-                .filter(|&i| generations.rest[i].is_some() && lives.presence(k, i) > PRESENT)
+            let there: Vec<usize> = (0..lifetimes.len())
+                .filter(|&i| {
+                    generations.rest[i].is_some() && lifetimes.presence(k, i) > FOLLOW_PRESENCE
+                })
                 .collect();
             if there.is_empty() {
                 continue;
             }
-            let rest = |&i: &usize| generations.rest[i].map_or([0.0; 3], |rest| rest.place);
+            let rest = |&i: &usize| generations.rest[i].map_or([0.0; 3], |rest| rest.position);
             let tree = KdTree::<3>::new(&there.iter().map(rest).collect::<Vec<_>>());
-            let found = tree.map(&places, NEIGHBORS, |at, near| {
+            let found = tree.map(&positions, NEIGHBORS, |at, near| {
                 let own = generations.axis(ids[at] as usize);
                 let width = near[near.len() / 2].distance_squared;
                 let entry = |n: &anchors::Neighbor| {
@@ -139,11 +142,11 @@ impl Lasting {
         used.dedup();
         let carrier = |&source: &u32| {
             let i = source as usize;
-            let Visibility { floor, peak } = generations.lives.visibility[i];
-            let rest = generations.rest[i].map_or([0.0; 3], |rest| rest.place.map(Real::as_f32));
+            let OpacityRange { floor, peak } = generations.lifetimes.opacity_ranges[i];
+            let rest = generations.rest[i].map_or([0.0; 3], |rest| rest.position.map(Real::as_f32));
             Carrier { source, rest, floor, peak }
         };
-        let mut lasting = Self {
+        let mut persistent = Self {
             ids: ids.to_vec(),
             offsets: vec![0],
             carriers: used.iter().map(carrier).collect(),
@@ -151,15 +154,15 @@ impl Lasting {
         };
         for row in rows {
             for (id, weight) in row {
-                lasting.carried_by.push(used.binary_search(id).map_or(0, index));
-                lasting.weights.push(*weight);
+                persistent.carrier_indices.push(used.binary_search(id).map_or(0, index));
+                persistent.weights.push(*weight);
             }
-            lasting.offsets.push(index(lasting.carried_by.len()));
+            persistent.offsets.push(index(persistent.carrier_indices.len()));
         }
-        lasting
+        persistent
     }
 
-    /// The subset with the `wanted` splats, without unused carriers.
+    /// The subset of the `wanted` splats, without unused carriers.
     pub(crate) fn only(&self, wanted: impl Fn(u32) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.ids.len()).filter(|&a| wanted(self.ids[a])).collect();
         let mut used = vec![false; self.carriers.len()];
@@ -172,15 +175,15 @@ impl Lasting {
             place[c] = index(carriers.len());
             carriers.push(self.carriers[c]);
         }
-        let mut lasting = Self { offsets: vec![0], carriers, ..Self::default() };
+        let mut persistent = Self { offsets: vec![0], carriers, ..Self::default() };
         for a in kept {
             let (ids, weights) = self.row(a);
-            lasting.ids.push(self.ids[a]);
-            lasting.carried_by.extend(ids.iter().map(|&c| place[c as usize]));
-            lasting.weights.extend(weights);
-            lasting.offsets.push(index(lasting.carried_by.len()));
+            persistent.ids.push(self.ids[a]);
+            persistent.carrier_indices.extend(ids.iter().map(|&c| place[c as usize]));
+            persistent.weights.extend(weights);
+            persistent.offsets.push(index(persistent.carrier_indices.len()));
         }
-        lasting
+        persistent
     }
 
     /// Whether there are no such splats.
@@ -190,12 +193,12 @@ impl Lasting {
 
     fn row(&self, a: usize) -> (&[u32], &[f32]) {
         let range = self.offsets[a] as usize..self.offsets[a + 1] as usize;
-        (&self.carried_by[range.clone()], &self.weights[range])
+        (&self.carrier_indices[range.clone()], &self.weights[range])
     }
 
     /// A description of the first invalid value, if there is one.
     pub(crate) fn fault(&self, num_sources: usize) -> Option<String> {
-        let entries = self.carried_by.len();
+        let entries = self.carrier_indices.len();
         let ascending = |ids: &[u32]| ids.windows(2).all(|pair| pair[0] < pair[1]);
         let rising = self.offsets.windows(2).all(|pair| pair[0] <= pair[1]);
         if self.ids.is_empty() && self.offsets.len() <= 1 && entries == 0 {
@@ -208,89 +211,93 @@ impl Lasting {
             || self.weights.len() != entries
             || !ascending(&self.ids)
         {
-            return Some("the arrays of lasting splats are inconsistent".to_owned());
+            return Some("the arrays of persistent splats are inconsistent".to_owned());
         }
         if let Some(id) = self.ids.iter().find(|&&id| id as usize >= num_sources) {
             return Some(format!(
-                "lasting splat {id} does not exist; the source has {num_sources} splats"
+                "persistent splat {id} is out of range: the source has {num_sources} splats"
             ));
         }
         if let Some(at) = self.carriers.iter().position(|c| c.fault(num_sources)) {
-            return Some(format!("carrier {at} is not valid: {:?}", self.carriers[at]));
+            return Some(format!("carrier {at} is invalid: {:?}", self.carriers[at]));
         }
-        if let Some(at) = self.carried_by.iter().position(|&c| c as usize >= self.carriers.len()) {
-            return Some(format!("entry {at} of lasting splats names no carrier"));
+        if let Some(at) =
+            self.carrier_indices.iter().position(|&c| c as usize >= self.carriers.len())
+        {
+            return Some(format!("carrier index {at} of persistent splats is out of range"));
         }
         let positive = |w: &f32| *w > 0.0 && w.is_finite();
         let at = self.weights.iter().position(|w| !positive(w))?;
-        Some(format!("weight {at} of lasting splats is {}, expected above 0", self.weights[at]))
+        Some(format!("weight {at} of persistent splats is {}, expected above 0", self.weights[at]))
     }
 
-    /// Writes positions and rotations of the lasting splats for the source state `source_t` into
-    /// `out`, which contains the source at the edit time. `from` are the motions at the edit time.
-    pub(crate) fn move_into(&self, from: &[Motion], source_t: &Splats, out: &mut Splats) {
+    /// Writes positions and rotations of the persistent splats for the source state `source_t` to
+    /// `out`, which contains the source at the edit time. `from`: motions at the edit time, `[A]`.
+    pub(crate) fn move_into(&self, from: &[PersistentMotion], source_t: &Splats, out: &mut Splats) {
         let motions = self.motions(source_t);
         for ((&id, from), to) in self.ids.iter().zip(from).zip(&motions) {
             let id = id as usize;
             let Some((from, to)) = from.0.as_ref().zip(to.0.as_ref()) else { continue };
-            let place = to.apply(from.inverse().apply(out.means[id].map(f64::from)));
-            let turn = quat::mul(to.rotation, quat::conjugate(from.rotation));
-            out.means[id] = place.map(Real::as_f32);
-            out.quats[id] = quat::mul(turn.map(Real::as_f32), out.quats[id]);
+            let position = to.apply(from.inverse().apply(out.means[id].map(f64::from)));
+            let rotation = quat::mul(to.rotation, quat::conjugate(from.rotation));
+            out.means[id] = position.map(Real::as_f32);
+            out.quats[id] = quat::mul(rotation.map(Real::as_f32), out.quats[id]);
         }
     }
 
-    /// Motions of the lasting splats from rest to the source state `source_t`.
-    pub(crate) fn motions(&self, source_t: &Splats) -> Vec<Motion> {
+    /// Motions of the persistent splats from rest to the source state `source_t`.
+    pub(crate) fn motions(&self, source_t: &Splats) -> Vec<PersistentMotion> {
         let present: Vec<f64> = self
             .carriers
             .iter()
-            .map(|carrier| carrier.visibility().presence(source_t.opacity(carrier.source as usize)))
+            .map(|carrier| {
+                carrier.opacity_range().presence(source_t.opacity(carrier.source as usize))
+            })
             .collect();
         (0..self.ids.len())
             .into_par_iter()
             .with_min_len(64)
             .map(|a| {
-                let (carried_by, weights) = self.row(a);
-                if carried_by.is_empty() {
-                    return Motion(None);
+                let (carrier_indices, weights) = self.row(a);
+                if carrier_indices.is_empty() {
+                    return PersistentMotion(None);
                 }
-                let pairs = carried_by.iter().zip(weights).map(|(&c, &weight)| {
+                let pairs = carrier_indices.iter().zip(weights).map(|(&c, &weight)| {
                     let carrier = &self.carriers[c as usize];
-                    let there = present[c as usize].powi(2) + GONE * GONE;
+                    let there = present[c as usize].powi(2) + MIN_PRESENCE * MIN_PRESENCE;
                     let to = source_t.means[carrier.source as usize].map(f64::from);
                     (f64::from(weight) * there, carrier.rest.map(f64::from), to)
                 });
                 let fit = RigidFit::of(pairs);
-                let turn = fit.rotation(0.0);
+                let rotation = fit.rotation(0.0);
                 let motion = Similarity {
                     scale: 1.0,
-                    rotation: turn,
+                    rotation: rotation,
                     mirrored: false,
-                    translation: fit.apply(turn, [0.0; 3]),
+                    translation: fit.apply(rotation, [0.0; 3]),
                 };
-                Motion(motion.is_valid().then_some(motion))
+                PersistentMotion(motion.is_valid().then_some(motion))
             })
             .collect()
     }
 }
 
-/// Motion of a lasting splat from rest; `None` if it has no carriers.
+/// PersistentMotion of a persistent splat from rest; `None` if it has no carriers.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Motion(Option<Similarity>);
+pub(crate) struct PersistentMotion(Option<Similarity>);
 
 /// The source with the splats of the edit frame extended over the whole clip, as input to the
 /// motion guides. Splats that are invisible in the edit frame do not move.
 #[derive(Debug)]
-pub(crate) struct LastingScene {
+pub(crate) struct PersistentScene {
     pub(crate) source: Arc<dyn DynamicScene>,
     pub(crate) at_edit: Splats,
     pub(crate) edit_time: f32,
-    pub(crate) lasting: Lasting,
-    from: Vec<Motion>,
+    pub(crate) persistent: PersistentSplats,
+    from: Vec<PersistentMotion>,
 }
 
-impl LastingScene {
+impl PersistentScene {
     pub(crate) fn new(
         source: Arc<dyn DynamicScene>,
         generations: &Generations,
@@ -299,13 +306,13 @@ impl LastingScene {
         let at_edit = source.at(edit_time)?;
         let ids: Vec<u32> =
             (0..at_edit.len()).filter(|&i| generations.is_shown(i)).map(index).collect();
-        let lasting = Lasting::of(generations, &at_edit, &ids);
-        let from = lasting.motions(&at_edit);
-        Ok(Self { source, at_edit, edit_time, lasting, from })
+        let persistent = PersistentSplats::of(generations, &at_edit, &ids);
+        let from = persistent.motions(&at_edit);
+        Ok(Self { source, at_edit, edit_time, persistent, from })
     }
 }
 
-impl DynamicScene for LastingScene {
+impl DynamicScene for PersistentScene {
     fn num_splats(&self) -> usize {
         self.source.num_splats()
     }
@@ -326,7 +333,7 @@ impl DynamicScene for LastingScene {
         out.clone_from(&self.at_edit);
         if t != self.edit_time {
             let source_t = self.source.at(t)?;
-            self.lasting.move_into(&self.from, &source_t, out);
+            self.persistent.move_into(&self.from, &source_t, out);
         }
         Ok(())
     }

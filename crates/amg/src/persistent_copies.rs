@@ -1,45 +1,46 @@
 //! Copies of short-lived splats, for example of a whole dancer.
 //!
-//! A copy moves like its original, at its own place. If the original is one generation of a
-//! surface, the copy would fade with it, and no later generation is there to replace it. Such
-//! copies last: each follows its original extended over the whole clip, with the edit's opacity and
-//! colours ([`RowKind::Copied`]).
+//! A copy moves like its original, under the similarity of its group. If the original is
+//! short-lived, the copy would fade with it, and there are no copies of the later generations to
+//! replace it. Such copies are made persistent: each follows its original extended over the whole
+//! clip, with the edit's opacity and colours ([`RowKind::Copied`]).
 //!
-//! * Where the edit copied most of the later generations, too, the copies are complete. They stay
-//!   exact copies, and fade in and out as their originals.
-//! * Where it copied a few of them, these represent a surface that now lasts: they are hidden, or
-//!   the surface would be there twice.
-//! * A copy that lies exactly on its original, as densification makes it, is the original for the
-//!   identity map. It fades, as later generations stand for both.
+//! * If the edit also copied most of the later generations, the copies are complete. They remain
+//!   exact copies, and fade in and out with their originals.
+//! * If it copied only a few of them, these are hidden: the persistent copies already represent
+//!   their surface.
+//! * The identity map does not distinguish a copy exactly at the position of its original, as
+//!   densification produces it, from the original. It fades, because later generations replace
+//!   both.
 
-use crate::beside_copies::Companion;
 use crate::carriers;
 use crate::color_change::ColorChange;
 use crate::generations::Generations;
+use crate::guide_input::Row;
 use crate::identity::IdentityMap;
 use crate::inheritance::Inherited;
+use crate::near_copies::Companion;
 use crate::row_index::index;
 use crate::row_kind::RowKind;
-use crate::work::Row;
 
-/// Minimum presence over the clip, 0 to 1, from which a splat needs no replacement. Halving or
-/// nearly doubling it changes nothing on generated scenes with lives of 0.05 to 1.5 clips: no splat
-/// visible in frame 1 has a minimum presence between 0.25 and 1.
-const LASTS: f64 = 0.5;
+/// Splats whose presence (0 to 1) never falls below this are persistent. Halving or nearly doubling
+/// it changes nothing on generated scenes with lifetimes of 0.05 to 1.5 clips: no splat visible in
+/// frame 1 has a minimum presence between 0.25 and 1.
+const MIN_PERSISTENT_PRESENCE: f64 = 0.5;
 
-/// Marks the copies that last, and the splats that move with copies. Returns what hidden copies
-/// inherit, and marks these as [`RowKind::Descendant`].
+/// Marks copies that are made persistent, and splats that move with copies. Returns what hidden
+/// copies inherit, and marks these as [`RowKind::Descendant`].
 pub(crate) fn mark(
     generations: &Generations,
     identity: &IdentityMap,
     group_of: &[u32],
-    beside: &[Companion],
+    companions: &[Companion],
     rows: &mut [Row],
 ) -> Vec<Inherited> {
-    for companion in beside {
+    for companion in companions {
         rows[companion.row].0 = RowKind::Copied;
     }
-    let num_sources = generations.lives.len();
+    let num_sources = generations.lifetimes.len();
     let mut hidden = Vec::new();
     for (number, is_copy) in (0..).zip(carriers::copies(identity, num_sources)) {
         if !is_copy {
@@ -57,7 +58,7 @@ pub(crate) fn mark(
         for (row, id) in identity.members(number) {
             let id = id as usize;
             if generations.is_shown(id) {
-                if !lasts(generations, id) {
+                if !is_persistent(generations, id) {
                     rows[row].0 = RowKind::Copied;
                 }
             } else if later[id] {
@@ -75,7 +76,8 @@ pub(crate) fn mark(
     hidden
 }
 
-/// Splats that are invisible in the edit frame and descend mainly from copied ones.
+/// Flags of the splats that are invisible in the edit frame and descend mainly from copied ones,
+/// `[N]`.
 fn later_generations(generations: &Generations, copied: &[bool]) -> Vec<bool> {
     let descends = |ancestry: &crate::generations::Ancestry| {
         let from_copied = ancestry.of.iter().filter(|(id, _)| copied[*id as usize]);
@@ -84,7 +86,7 @@ fn later_generations(generations: &Generations, copied: &[bool]) -> Vec<bool> {
     generations.ancestries.iter().map(descends).collect()
 }
 
-fn lasts(generations: &Generations, id: usize) -> bool {
-    let lives = &generations.lives;
-    (0..lives.times.len()).all(|k| lives.presence(k, id) >= LASTS)
+fn is_persistent(generations: &Generations, id: usize) -> bool {
+    let lifetimes = &generations.lifetimes;
+    (0..lifetimes.times.len()).all(|k| lifetimes.presence(k, id) >= MIN_PERSISTENT_PRESENCE)
 }

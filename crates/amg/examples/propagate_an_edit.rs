@@ -1,5 +1,5 @@
-//! Propagates a small edit along a scene that rotates by a quarter turn:
-//! `cargo run --release -p amg --example carry_an_edit`.
+//! Propagates a small edit along a scene that rotates by 90°:
+//! `cargo run --release -p amg --example propagate_an_edit`.
 
 use amg::{MotionOptions, propagate};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     writeln!(
         out,
         "{} unchanged, {} recoloured, {} new; the flag's tip is now at {:.3?}",
-        report.unchanged, report.recoloured, report.edited, end.means[249]
+        report.unchanged, report.recolored, report.edited, end.means[249]
     )?;
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! [`Work`]: input shared by all guides.
+//! [`GuideInput`]: input shared by all guides.
 
 use crate::dynamics::DynamicSplit;
 use crate::identity::IdentityMap;
@@ -7,14 +7,14 @@ use crate::options::MotionOptions;
 use crate::row_kind::RowKind;
 use gs_core::Splats;
 
-/// Receives the name of the present stage and the share of it that is done, 0 to 1.
-pub type Progress<'a> = &'a (dyn Fn(&'static str, f32) + Sync);
+/// Progress callback. Arguments: name of the stage, and the share of it that is done, 0 to 1.
+pub type ProgressFn<'a> = &'a (dyn Fn(&'static str, f32) + Sync);
 
 /// Kind, sources and weights of one row.
 pub(crate) type Row = (RowKind, Vec<(u32, f32)>);
 
 /// Input of a guide.
-pub(crate) struct Work<'a> {
+pub(crate) struct GuideInput<'a> {
     pub(crate) keys: &'a KeyFrames,
     pub(crate) split: &'a DynamicSplit,
     pub(crate) edited: &'a Splats,

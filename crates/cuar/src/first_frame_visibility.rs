@@ -4,9 +4,11 @@
 //! from frame 1. But the colour of a splat that is visible in frame 1 is known, and so is the
 //! colour of a pixel composited from such splats, without resampling.
 
-use crate::{CuarError, flow::axes};
-use gs_core::image_formation::{ALPHA_THRESHOLD, EPS2D};
-use gs_core::{Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads};
+use crate::CuarError;
+use gs_core::{
+    Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
+    unoccluded_weight,
+};
 use rayon::prelude::*;
 
 /// `Σ_p α T` per splat over the image of the last forward pass of `prepared` (which had one feature
@@ -44,21 +46,10 @@ pub(crate) fn visible_share(
     camera: &Camera,
     enough: f32,
 ) -> f32 {
-    let whole = f64::from(enough) * unoccluded(splats, i, camera);
+    let whole = f64::from(enough) * unoccluded_weight(splats, i, camera);
     #[expect(clippy::cast_possible_truncation, reason = "a share of 0 to 1")]
     let shown = (f64::from(weight) / whole).min(1.0) as f32;
     if shown.is_finite() { shown } else { 0.0 }
-}
-
-/// `Σ_p α` of a splat that lies within the image: the volume of its Gaussian above the faintest
-/// alpha drawn.
-fn unoccluded(splats: &Splats, i: usize, camera: &Camera) -> f64 {
-    let [u, v] = axes(camera, splats, i);
-    let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
-    let blur = f64::from(EPS2D);
-    let det = (dot(u, u) + blur) * (dot(v, v) + blur) - dot(u, v).powi(2);
-    let above = (f64::from(splats.opacity(i)) - f64::from(ALPHA_THRESHOLD)).max(0.0);
-    std::f64::consts::TAU * det.max(0.0).sqrt() * above
 }
 
 /// Visibility of each splat of frame 1, `[N]` in [0, 1]: the largest share of its unoccluded weight
@@ -170,7 +161,7 @@ mod tests {
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.9, 160, 120);
         splats.opacity_logits[2] = 5.0;
         // in frame 1 it had a hundredth of its weight
-        let share = 0.01 * unoccluded(&splats, 2, &camera);
+        let share = 0.01 * unoccluded_weight(&splats, 2, &camera);
         #[expect(clippy::cast_possible_truncation, reason = "a test's number")]
         let shown = visibility(&splats, &[0.0, 0.0, share as f32], &camera, 0.1);
         assert_eq!(shown[..2], [0.0; 2], "not seen");

@@ -1,7 +1,7 @@
 //! Rendered optical flow (Eqs. 11–12).
 
 use crate::CuarError;
-use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats};
+use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, projected_axes};
 use rayon::prelude::*;
 
 /// Composited displacement of the surfaces visible at each pixel.
@@ -96,8 +96,8 @@ pub(crate) fn affine_motion(
     if depth_from.min(depth) <= camera.near {
         return None;
     }
-    let a = axes(camera, from, i);
-    let b = axes(camera, to, i);
+    let a = projected_axes(from, i, camera);
+    let b = projected_axes(to, i, camera);
     let dot = |x: [f64; 3], y: [f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
     let cross = [
         dot(b[0], a[0]) + AFFINE_EPS,
@@ -130,20 +130,6 @@ pub(crate) fn affine_motion(
         .chain(&motion.place)
         .all(|value| value.is_finite());
     finite.then_some(motion)
-}
-
-/// The splat's axes (columns, one standard deviation long) on screen, pixels, 2×3.
-pub(crate) fn axes(camera: &Camera, splats: &Splats, i: usize) -> [[f64; 3]; 2] {
-    let rotation = gs_core::rotation_matrix(splats.rotation(i).map(f64::from));
-    let scale = splats.scale(i).map(f64::from);
-    let [x, y, z] = camera.to_camera(splats.means[i].map(f64::from));
-    let (k, v) = (&camera.intrinsics, &camera.viewmat);
-    let row = |focal: f64, slope: f64, view: [f64; 4]| {
-        let world = [0, 1, 2].map(|c| focal / z * (view[c] - slope * v[2][c]));
-        [0, 1, 2]
-            .map(|axis| scale[axis] * (0..3).map(|c| world[c] * rotation[c][axis]).sum::<f64>())
-    };
-    [row(k.fx, x / z, v[0]), row(k.fy, y / z, v[1])]
 }
 
 /// Pixels and camera depth.

@@ -51,6 +51,7 @@ pub(crate) fn save(
         ("chosen".to_owned(), working.chosen.iter().map(|&on| u32::from(on)).collect()),
         ("fading".to_owned(), working.fading.iter().map(|&on| u32::from(on)).collect()),
         ("frozen".to_owned(), working.frozen.iter().map(|&on| u32::from(on)).collect()),
+        ("hidden".to_owned(), working.hidden.iter().map(|&on| u32::from(on)).collect()),
         ("num_visible_steps".to_owned(), working.num_visible_steps.clone()),
     ];
     for (v, view) in views.iter().enumerate() {
@@ -118,6 +119,7 @@ pub(crate) fn restore(
     working.chosen = chosen.iter().map(|&on| on != 0).collect();
     working.fading = counts("fading")?.iter().map(|&on| on != 0).collect();
     working.frozen = counts("frozen")?.iter().map(|&on| on != 0).collect();
+    working.hidden = counts("hidden")?.iter().map(|&on| on != 0).collect();
     working.gradient = find(&state.arrays, "gradient")?.to_vec();
     if working.gradient.len() != n || working.largest.len() != n {
         return Err(damaged("arrays of different lengths"));

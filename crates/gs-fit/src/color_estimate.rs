@@ -80,7 +80,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let (raster, params) = (self.raster, self.params());
         let working = &self.working;
         let n = working.splats.len();
-        let is_free = |i: usize| working.selected[i] && !working.fading[i];
+        let is_free = |i: usize| working.selected[i] && !working.fading[i] && !working.hidden[i];
         let mask = |values: &mut [f32]| {
             for (k, value) in values.iter_mut().enumerate() {
                 if !is_free(k / 3) {

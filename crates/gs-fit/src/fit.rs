@@ -111,7 +111,7 @@ pub fn fit<R: Rasterizer + Sync>(
     let mut run = Run {
         raster,
         options,
-        working: Working::new(start, selected.clone()),
+        working: Working { hidden: votes.hidden(&selected), ..Working::new(start, selected) },
         views,
         edited,
         subset: Subset::default(),
@@ -342,8 +342,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             sh: rates.sh * sh_decay,
             ..*rates
         };
-        let Working { splats, optimizer, selected, fading, frozen, .. } = working;
-        let flags = RowFlags { selected, fading, frozen };
+        let Working { splats, optimizer, selected, fading, frozen, hidden, .. } = working;
+        let flags = RowFlags { selected, fading, frozen, hidden };
         optimizer.step(splats, (rows, grads), &rates, options.geometry, flags);
         working.limit_scales();
     }
@@ -402,6 +402,10 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     pub(crate) fn select_more(&mut self) -> Result<(), FitError> {
         let votes = vote(self.raster, &self.working.splats, &self.views)?;
         self.working.select_more(&votes, self.options.vote);
+        let hidden = votes.hidden(&self.working.selected);
+        for (was, is) in self.working.hidden.iter_mut().zip(hidden) {
+            *was &= is;
+        }
         Ok(())
     }
 

@@ -56,7 +56,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         let working = &mut self.working;
         let coeffs = solved.sh_coeffs();
         for (i, shown) in shown.into_iter().enumerate() {
-            let is_free = working.selected[i] && !working.fading[i];
+            let is_free = working.selected[i] && !working.fading[i] && !working.hidden[i];
             let is_explained = !self.options.geometry || shown.left < EXPLAINED;
             working.frozen[i] = is_free && (is_explained || shown.is_same());
             if is_free && is_explained {

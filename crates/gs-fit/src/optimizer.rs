@@ -12,6 +12,8 @@ pub(crate) struct RowFlags<'a> {
     pub fading: &'a [bool],
     /// Of these, colour and opacity only.
     pub frozen: &'a [bool],
+    /// Of these, none, unless the row fades.
+    pub hidden: &'a [bool],
 }
 
 /// One Adam per array of [`Splats`]; rows that are not selected keep their values and moments.
@@ -60,9 +62,9 @@ impl Optimizer {
         geometry: bool,
         flags: RowFlags,
     ) {
-        let RowFlags { selected, fading, frozen } = flags;
+        let RowFlags { selected, fading, frozen, hidden } = flags;
         let all = || rows.iter().enumerate().map(|(i, &row)| [row as usize, i]);
-        let visible = || all().filter(|&[row, _]| selected[row]);
+        let visible = || all().filter(|&[row, _]| selected[row] && (fading[row] || !hidden[row]));
         let lasting = || visible().filter(|&[row, _]| !fading[row]);
         let coeffs = splats.sh_coeffs();
         let mut sh_rates = vec![rates.sh / 20.0; 3 * coeffs];

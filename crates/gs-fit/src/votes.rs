@@ -1,7 +1,10 @@
 //! Votes of masks: how much of each splat they show.
 
 use crate::FitError;
-use gs_core::{Camera, Rasterizer, RenderGrads, Splats, UpstreamGrads};
+use gs_core::{
+    Camera, Rasterizer, Real, RenderGrads, Splats, UpstreamGrads, unoccluded_weight,
+    weighted_quantile,
+};
 
 /// Minimum sum over all views, pixels, of a splat that counts as visible.
 pub(crate) const LEAST_SEEN: f32 = 1e-3;
@@ -13,6 +16,8 @@ pub struct Votes {
     pub seen: Vec<f32>,
     /// `Σ α T` over the pixels of the masks, pixels.
     pub masked: Vec<f32>,
+    /// Visible share: the largest `Σ α T / Σ α` of a view, 0 to 1.
+    pub shown: Vec<f32>,
     /// Number of views whose mask shows at least [`Votes::NOTICEABLE`] pixels of the splat.
     pub views: Vec<u16>,
 }
@@ -20,6 +25,9 @@ pub struct Votes {
 impl Votes {
     /// Minimum sum in a view that counts as showing the splat, pixels.
     pub const NOTICEABLE: f32 = 0.02;
+    /// Visible share below which a splat counts as hidden: pictures do not constrain it. The
+    /// default below which the refinement of `cuar` repairs splats.
+    pub const HIDDEN: f32 = 0.1;
 
     /// Votes of the given views and masks (`[H,W]`).
     ///
@@ -31,7 +39,12 @@ impl Votes {
         views: impl Iterator<Item = (&'a Camera, &'a [bool])>,
     ) -> Result<Self, FitError> {
         let n = splats.len();
-        let mut votes = Self { seen: vec![0.0; n], masked: vec![0.0; n], views: vec![0; n] };
+        let mut votes = Self {
+            seen: vec![0.0; n],
+            masked: vec![0.0; n],
+            shown: vec![0.0; n],
+            views: vec![0; n],
+        };
         let mut prepared: Option<R::Prepared> = None;
         let (mut planes, mut sums) = (UpstreamGrads::default(), RenderGrads::default());
         for (camera, mask) in views {
@@ -48,9 +61,24 @@ impl Votes {
                 votes.seen[i] += sum[0];
                 votes.masked[i] += sum[1];
                 votes.views[i] += u16::from(sum[1] > Self::NOTICEABLE);
+                if sum[0] > 0.0 {
+                    let share = f64::from(sum[0]) / unoccluded_weight(splats, i, camera);
+                    votes.shown[i] = votes.shown[i].max(share.min(1.0).as_f32());
+                }
             }
         }
         Ok(votes)
+    }
+
+    /// Splats that others hide in every view, `[N]`: their largest visible share is below
+    /// [`Votes::HIDDEN`], or, where splats overlap so much that typical shares are small, a quarter
+    /// of the typical share (the median of the `selected`, weighted by themselves).
+    pub fn hidden(&self, selected: &[bool]) -> Vec<bool> {
+        let shares = self.shown.iter().zip(selected).filter(|(_, selected)| **selected);
+        let weighted = shares.map(|(share, _)| (*share, *share)).collect();
+        let typical = weighted_quantile(weighted, 0.5).unwrap_or(0.0);
+        let hidden = Self::HIDDEN.min(0.25 * typical);
+        self.shown.iter().map(|share| *share < hidden).collect()
     }
 
     /// Share of the visible pixels of splat `i` that lie in masks; 0 if it is not visible.

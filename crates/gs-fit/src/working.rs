@@ -43,6 +43,8 @@ pub(crate) struct Working {
     /// Whether colours alone explain the pictures of the splat: means, quaternions and scales keep
     /// their bits.
     pub frozen: Vec<bool>,
+    /// Whether other splats hide the splat in all pictures: it keeps its bits, unless it fades.
+    pub hidden: Vec<bool>,
     /// Sum of gradient norms of the projected centre since the last densification.
     pub gradient: Vec<f32>,
     /// Number of steps since then in which the splat was visible.
@@ -69,6 +71,7 @@ impl Working {
             chosen: selected.clone(),
             fading: vec![false; n],
             frozen: vec![false; n],
+            hidden: vec![false; n],
             gradient: vec![0.0; n],
             num_visible_steps: vec![0; n],
             optimizer: Optimizer::new(start),
@@ -87,7 +90,7 @@ impl Working {
     pub(crate) fn limit_scales(&mut self) {
         let huge = (HUGE * self.size).ln();
         for (i, log_scales) in self.splats.log_scales.iter_mut().enumerate() {
-            if self.selected[i] && !self.frozen[i] {
+            if self.selected[i] && !self.frozen[i] && !self.hidden[i] {
                 let most = huge.max(self.largest[i]);
                 *log_scales = log_scales.map(|log_scale| log_scale.min(most));
             }
@@ -127,6 +130,7 @@ impl Working {
         self.selected = ids.iter().map(|&i| self.selected[i]).collect();
         self.fading = ids.iter().map(|&i| self.fading[i]).collect();
         self.frozen = ids.iter().map(|&i| self.frozen[i]).collect();
+        self.hidden = ids.iter().map(|&i| self.hidden[i]).collect();
         self.gradient = ids.iter().map(|&i| self.gradient[i]).collect();
         self.num_visible_steps = ids.iter().map(|&i| self.num_visible_steps[i]).collect();
     }
@@ -138,7 +142,9 @@ impl Working {
         let mut pulled: Vec<usize> = self
             .rows()
             .into_iter()
-            .filter(|&i| mean(i) > GRADIENT && !self.fading[i] && !self.frozen[i])
+            .filter(|&i| {
+                mean(i) > GRADIENT && !self.fading[i] && !self.frozen[i] && !self.hidden[i]
+            })
             .collect();
         pulled.sort_by(|&a, &b| mean(b).total_cmp(&mean(a)).then(a.cmp(&b)));
         #[expect(
@@ -182,6 +188,7 @@ impl Working {
         self.selected.push(true);
         self.fading.push(false);
         self.frozen.push(false);
+        self.hidden.push(false);
         self.gradient.push(0.0);
         self.num_visible_steps.push(0);
         self.optimizer.append(1, self.splats.sh_coeffs());

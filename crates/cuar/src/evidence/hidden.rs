@@ -57,12 +57,16 @@ impl Hidden {
         let on_edited = |i: &usize| by_seen[*i].is_some_and(|[changed, gone]| changed + gone > 0.5);
         let errors = of_changed.iter().copied().filter(on_edited).map(|i| (error_of[i], weight(i)));
         let has_meaningless = are_meaningless(errors.collect(), supervised_error);
-        let (mut reached, mut all) = (0.0_f64, 0.0_f64);
-        for &i in rows.iter().filter(|&&i| by_seen[i].is_some_and(|[changed, _]| changed > 0.5)) {
-            all += f64::from(weight(i));
-            reached += if changed[i] { f64::from(weight(i)) } else { 0.0 };
-        }
-        let is_reached = !has_meaningless && all > 0.0 && reached > 0.5 * all;
+        // Pictures also change splats that they show a little of, and move and add splats, some of
+        // which are then hidden by others. Only an edit in 3D changes, in place, what none shows.
+        let hidden_in_place = |&&i: &&usize| {
+            supervision[i] <= 0.0
+                && frame.source_rows[i].is_some()
+                && by_seen[i].is_some_and(|[changed, _]| changed > 0.5)
+        };
+        let all = rows.iter().filter(hidden_in_place).count();
+        let reached = rows.iter().filter(hidden_in_place).filter(|&&i| changed[i]).count();
+        let is_reached = !has_meaningless && 2 * reached > all;
         let color = |&i: &usize| {
             if !changed[i] {
                 HiddenColor::Old

@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_motion_elsewhere_does_not_drift() {
+    fn equal_motion_at_another_position_does_not_drift() {
         let track = |offset: f32, speed: f32| {
             MotionTrack::from_frames(
                 (0..3).map(|t| vec![[offset + speed * t as f32, 0.0, 0.0]; 4]).collect(),

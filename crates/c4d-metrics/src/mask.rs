@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pixel_becomes_a_square() {
+    fn a_dilated_pixel_is_a_square() {
         let mut mask = vec![false; 7 * 5];
         mask[2 * 7 + 3] = true;
         let grown = dilated(&mask, 7, 1);

@@ -58,7 +58,7 @@ fn flip_equals_the_reference() {
         }
         let off = flip_map(&test, &reference, 0.9 * FLIP_PIXELS_PER_DEGREE).unwrap();
         let mean_off = off.data.iter().map(|&v| f64::from(v)).sum::<f64>() / off.data.len() as f64;
-        assert!((mean_off - line[4]).abs() > 1e-4, "another distance to the screen differs");
+        assert!((mean_off - line[4]).abs() > 1e-4, "a different distance to the screen differs");
     }
 }
 
@@ -74,7 +74,7 @@ fn ms_ssim_equals_the_reference() {
 }
 
 #[test]
-fn equal_images_are_perfect_and_others_are_refused() {
+fn equal_images_score_perfectly_and_invalid_ones_are_refused() {
     let [x, y] = pair(180, 176, 9, 0.3);
     assert_eq!(flip(&x, &x), Some(0.0), "flip");
     assert_eq!(psnr(&x, &x), Some(100.0), "psnr");
@@ -82,7 +82,7 @@ fn equal_images_are_perfect_and_others_are_refused() {
     assert!(flip(&x, &y).unwrap() > 0.05, "they differ");
     let small = pair(100, 176, 9, 0.3);
     assert_eq!(ms_ssim(&small[0], &small[1]), None, "too small for five scales");
-    assert_eq!(flip(&x, &small[0]), None, "another size");
+    assert_eq!(flip(&x, &small[0]), None, "a different size");
     let grey = Image::zeros(180, 176, 1);
     assert_eq!(flip(&grey, &grey), None, "no colours");
 }

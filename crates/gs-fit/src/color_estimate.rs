@@ -16,7 +16,8 @@ use gs_core::{
 /// its initial value. With 2 pixels, only 5 to 10 % of the splats keep their geometry (case
 /// `eight`).
 const DAMPING: f32 = 0.05;
-/// Conjugate gradients: most iterations, and the decrease of the residual at which they end.
+/// Conjugate gradients: maximum number of iterations, and the decrease of the residual at which
+/// they end.
 const ITERATIONS: usize = 20;
 const CONVERGED: f64 = 1e-3;
 

@@ -106,7 +106,7 @@ fn lap<R: Rasterizer>(
     Some([forward, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
 }
 
-/// Runs the adapter and the CPU rasteriser in turns, so that both have the same machine load.
+/// Runs the adapter and the CPU rasteriser alternately, so that both have the same machine load.
 fn print_ratio(raster: &WgpuRasterizer, splats: &Splats, camera: &Camera, up: &UpstreamGrads) {
     let cpu = CpuRasterizer::default();
     let (mut on_gpu, mut on_cpu) = (None, None);

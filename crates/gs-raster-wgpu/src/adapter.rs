@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_takes_the_best_hardware_and_never_software() {
+    fn auto_selects_the_best_hardware_and_never_software() {
         let list = [
             adapter(0, AdapterKind::Software, 4),
             adapter(1, AdapterKind::Hardware, 1),

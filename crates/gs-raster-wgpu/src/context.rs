@@ -193,7 +193,7 @@ impl GpuContext {
     }
 
     pub(crate) fn memory_error(&self, what: &'static str, bytes: u64, limit: String) -> GpuError {
-        GpuError::Memory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
+        GpuError::DeviceMemory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
     }
 
     /// The error for a failure during `during`.

@@ -1,6 +1,6 @@
 //! [`WgpuRasterizer`]: the implementation of the trait, and methods specific to devices.
 
-use crate::backward::{self, Request, Scope};
+use crate::backward::{self, BackwardRequest, Scope};
 use crate::commands::{Commands, PassTiming};
 use crate::prepared::GpuPrepared;
 use crate::primitives::download;
@@ -228,7 +228,7 @@ impl Rasterizer for WgpuRasterizer {
         grads: &mut RenderGrads,
     ) -> Result<(), RasterError> {
         let scope = Scope::Everything;
-        let request = Request { splats, features, params, upstream, scope };
+        let request = BackwardRequest { splats, features, params, upstream, scope };
         backward::run(&self.context, prepared, &request, grads)
     }
 
@@ -242,7 +242,7 @@ impl Rasterizer for WgpuRasterizer {
         grads: &mut RenderGrads,
     ) -> Result<(), RasterError> {
         let scope = Scope::Colors;
-        let request = Request { splats, features, params, upstream, scope };
+        let request = BackwardRequest { splats, features, params, upstream, scope };
         backward::run(&self.context, prepared, &request, grads)
     }
 }

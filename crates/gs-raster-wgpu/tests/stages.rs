@@ -127,7 +127,7 @@ fn lists_match_a_simple_reference() {
 }
 
 /// Smallest value of the quadratic form on the tile's pixel centres, by brute force.
-fn least_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
+fn smallest_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
     let [u, v, a, b, c] = [row[0], row[1], row[2], row[3], row[4]].map(f64::from);
     let mut least = f64::INFINITY;
     for y in 16 * tile[1]..(16 * tile[1] + 16).min(camera.height) {
@@ -151,7 +151,7 @@ fn check_lists(scene: &Scene, stages: &Stages) {
             let listed = rest.next_if(|&&next| next == id).is_some();
             assert!(inside || !listed, "{}: splat {id} outside its rectangle", scene.name);
             if inside && !listed {
-                let least = least_quad(&stages.projected[id as usize], tile, &scene.camera);
+                let least = smallest_quad(&stages.projected[id as usize], tile, &scene.camera);
                 assert!(least > reach, "{}: tile {tile:?} lacks splat {id}", scene.name);
             }
         }

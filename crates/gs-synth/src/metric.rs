@@ -41,7 +41,7 @@ pub fn motion_error(
 /// As [`motion_error`], on the rows of `mask` only (`[M]`), instead of the truth's own mask.
 ///
 /// # Errors
-/// As [`motion_error`], and if the mask has another length.
+/// As [`motion_error`], and if the length of the mask differs.
 pub fn motion_error_of(
     predicted: &dyn DynamicScene,
     truth: &Truth,

@@ -115,7 +115,7 @@ fn assert_same_run(what: &str, got: &Keeper, expected: &Keeper) {
 }
 
 #[test]
-fn steps_on_the_device_are_those_of_the_host() {
+fn steps_on_the_device_match_those_on_the_host() {
     let options = RefineOptions { preview_secs: Some(0.0), ..paper() };
     for mode in [Mode::Portable, Mode::Native] {
         let raster = raster(mode);
@@ -140,10 +140,10 @@ fn steps_on_the_device_are_those_of_the_host() {
     }
 }
 
-/// Negative control: another rate gives another result.
+/// Negative control: a different rate gives a different result.
 #[test]
 #[should_panic(expected = "d_sh differs")]
-fn another_rate_is_noticed() {
+fn a_different_rate_is_detected() {
     let raster = raster(Mode::Portable);
     let (mut there, mut here) = (Keeper::default(), Keeper::default());
     on_device(&raster, &paper(), None, &mut there).unwrap();
@@ -158,7 +158,7 @@ fn another_rate_is_noticed() {
 
 /// The whole stage, including images and masks, compared with the one on the host.
 #[test]
-fn the_paper_preset_is_that_of_the_cpu() {
+fn the_paper_preset_matches_the_cpu() {
     let raster = raster(Mode::Native);
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
     let (got, _) = on_device(&raster, &options, None, &mut NoRefineObserver).unwrap();
@@ -201,7 +201,7 @@ fn assert_same_result(got: &Refined, expected: &Refined) {
 /// The least-squares solver uses the trait: forward and colour-only backward passes on the device,
 /// the rest on the host.
 #[test]
-fn the_default_solver_is_that_of_the_cpu() {
+fn the_default_solver_matches_the_cpu() {
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
     let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoRefineObserver);
     let (got, _) = on_device(&raster(Mode::Native), &options, None, &mut NoRefineObserver).unwrap();
@@ -209,7 +209,7 @@ fn the_default_solver_is_that_of_the_cpu() {
 }
 
 #[test]
-fn resumed_runs_end_bit_identical() {
+fn resumed_runs_are_bit_identical() {
     let raster = raster(Mode::Portable);
     let mut keeper = Keeper::default();
     let (whole, _) = on_device(&raster, &paper(), None, &mut keeper).unwrap();
@@ -235,7 +235,7 @@ fn resumed_runs_end_bit_identical() {
 
 /// Images that do not fit into memory are uploaded again; the result is bit-identical.
 #[test]
-fn a_small_memory_changes_nothing() {
+fn a_small_memory_budget_does_not_change_the_result() {
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
     let whole = raster(Mode::Portable);
     let (expected, _) = on_device(&whole, &options, None, &mut NoRefineObserver).unwrap();
@@ -288,7 +288,7 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
 /// Offsets, gradients and moments larger than a binding are split; the result is bit-identical.
 /// Rows that are not shown stay zero.
 #[test]
-fn splitting_changes_nothing() {
+fn splitting_does_not_change_the_result() {
     let rows = 3_000;
     let max_binding_bytes = Some(128 << 10);
     assert!(rows * 48 * 4 > 4 * (128 << 10), "five bindings");

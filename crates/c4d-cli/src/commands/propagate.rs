@@ -128,8 +128,9 @@ fn follow(args: &PropagateJob, source: &Opened, console: &Console) -> Outcome<Fo
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
     // Published methods follow splats.
-    let usual =
-        args.preset == PresetArg::Best && args.baseline.is_none() && args.motion == MotionArg::Amg;
+    let usual = args.preset == PresetArg::Default
+        && args.baseline.is_none()
+        && args.motion == MotionArg::Amg;
     let follow = match (args.follow, &lifetimes) {
         (Some(asked), _) => asked,
         (None, Some(_)) if usual => FollowArg::Surface,
@@ -162,7 +163,7 @@ fn options(args: &PropagateJob, source: &Opened) -> Outcome<MotionOptions> {
             MotionOptions::field(Arc::new(NetworkField(network)))
         }
         (None, PresetArg::Paper) => MotionOptions::preset(Preset::Paper),
-        (None, PresetArg::Best) => MotionOptions::preset(Preset::Regions),
+        (None, PresetArg::Default) => MotionOptions::preset(Preset::Regions),
     };
     options.edit_time = Some(args.time);
     if let MotionGuide::Paper(params) = &mut options.guide {

@@ -3,22 +3,26 @@
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::{Splats, TimeRange};
 use gs_io::{Existing, ply, ply_sequence};
-use gs_synth::{BriefCase, BriefParams, BriefTruthScene, build_brief};
+use gs_synth::{ShortLivedCase, ShortLivedParams, ShortLivedTruthScene, build_short_lived};
 use std::path::{Path, PathBuf};
 
 const FRAMES: usize = 21;
 
 struct Desk {
     folder: tempfile::TempDir,
-    scene: BriefTruthScene,
+    scene: ShortLivedTruthScene,
 }
 
 impl Desk {
     /// A scene as frames, and an edit of the splats that the first frame shows.
-    fn new(case: BriefCase) -> Self {
+    fn new(case: ShortLivedCase) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let params = BriefParams { num_splats: 2_000, lives: [0.2, 0.4], ..BriefParams::default() };
-        let scene = build_brief(case, &params).unwrap();
+        let params = ShortLivedParams {
+            num_splats: 2_000,
+            lifetimes: [0.2, 0.4],
+            ..ShortLivedParams::default()
+        };
+        let scene = build_short_lived(case, &params).unwrap();
         let desk = Self { folder, scene };
         let (times, options) = (TimeRange::UNIT.frames(FRAMES), ply::WriteOptions::default());
         let source = &desk.scene.source;
@@ -76,7 +80,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// Share of the clearly visible splats of the edited surface that have their old colours.
-fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
+fn still_old(scene: &ShortLivedTruthScene, frame: &Splats, t: f32) -> f64 {
     use gs_core::DynamicScene;
     let before = scene.source.at(t).unwrap();
     let seen = |row: &usize| scene.touched[*row] && before.opacity(*row) > 0.3;
@@ -91,7 +95,7 @@ fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
 
 #[test]
 fn lifetimes_decide_and_runs_remember() {
-    let desk = Desk::new(BriefCase::Recolour);
+    let desk = Desk::new(ShortLivedCase::Recolour);
     let said = desk.propagate("run", &["--no-refine"]);
     assert!(said.contains("inherit the edit (--follow surface)"), "{said}");
     assert!(said.contains("inherited: ") && said.contains("; confidence "), "{said}");
@@ -126,7 +130,7 @@ fn lifetimes_decide_and_runs_remember() {
 
 #[test]
 fn runs_on_surfaces_are_refined_and_shown_as_others() {
-    let desk = Desk::new(BriefCase::Hat);
+    let desk = Desk::new(ShortLivedCase::Hat);
     let refine = ["--samples", "6", "--refine-frames", "3", "--refine-size", "96x72"];
     let said = desk.propagate("run", &refine);
     assert!(said.contains("refin"), "{said}");
@@ -169,7 +173,7 @@ fn runs_on_surfaces_are_refined_and_shown_as_others() {
 
 #[test]
 fn damaged_records_of_surfaces_are_refused() {
-    let desk = Desk::new(BriefCase::Delete);
+    let desk = Desk::new(ShortLivedCase::Delete);
     desk.propagate("run", &["--no-refine"]);
     let file = desk.at("run").join("scene.c4d");
     let bytes = std::fs::read(&file).unwrap();

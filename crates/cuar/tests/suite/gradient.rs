@@ -80,7 +80,7 @@ fn render(splats: &Splats<f64>, camera: &Camera) -> Vec<f64> {
 }
 
 #[test]
-fn colours_through_the_rasteriser_to_the_loss() {
+fn sh_gradient_of_the_loss_matches_differences() {
     let splats = splats(14);
     let scene = Scene::new(&splats);
     for shape in [L1Shape::Exact, L1Shape::Smooth(0.01)] {

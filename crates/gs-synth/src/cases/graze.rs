@@ -5,8 +5,8 @@ use crate::{
     dance::Dance,
     math::rng,
     part::Part,
-    rig::Rig,
     sampler::{Point, scatter, weighted_area},
+    skeleton::Skeleton,
 };
 
 /// Target for the smallest distance between forearm and body, splat spacings.
@@ -25,8 +25,8 @@ pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance 
     let (mut close, mut far) = (0.0_f64, 0.6_f64);
     for _ in 0..12 {
         let middle = f64::midpoint(close, far);
-        let rig = Rig { dance: Dance { abduct_rad: middle, ..dance } };
-        if clearance(&rig, &arm, &body) < GAP * spacing {
+        let skeleton = Skeleton { dance: Dance { abduct_rad: middle, ..dance } };
+        if clearance(&skeleton, &arm, &body) < GAP * spacing {
             close = middle;
         } else {
             far = middle;
@@ -36,10 +36,10 @@ pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance 
 }
 
 /// Smallest distance between the two sets of points over the clip, world units.
-fn clearance(rig: &Rig, arm: &[Point], body: &[Point]) -> f64 {
+fn clearance(skeleton: &Skeleton, arm: &[Point], body: &[Point]) -> f64 {
     let mut least = f64::INFINITY;
     for step in 0..8 {
-        let pose = rig.pose_at(f64::from(step) / 8.0);
+        let pose = skeleton.pose_at(f64::from(step) / 8.0);
         let place = |point: &Point| pose.point(point.attach, point.rest.as_dvec3());
         let body: Vec<_> = body.iter().map(place).collect();
         for point in arm {

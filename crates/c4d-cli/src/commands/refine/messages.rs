@@ -12,7 +12,7 @@ pub(super) const OTHER_VIEWS: &str = "; other views are given with --refine-came
 
 /// One sentence: what was repaired, what was not, and why.
 pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: usize) -> String {
-    let RepairCounts { hidden, recoloured, meaningless, faded, undecided, reaches_hidden } =
+    let RepairCounts { hidden, recoloured, meaningless, faded, ambiguous, reaches_hidden } =
         report.repair;
     let mut done = Vec::new();
     if recoloured > 0 {
@@ -37,9 +37,9 @@ pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: u
         ));
     }
     let mut left = Vec::new();
-    if undecided > 0 {
+    if ambiguous > 0 {
         left.push(format!(
-            "{undecided} hidden splats near a change, because the surface around them is ambiguous"
+            "{ambiguous} hidden splats near a change, because the surface around them is ambiguous"
         ));
     }
     if reaches_hidden {
@@ -131,7 +131,7 @@ pub(super) fn json(report: &RefineReport, changed: usize, cameras: &[Camera]) ->
             "recoloured": report.repair.recoloured,
             "meaningless": report.repair.meaningless,
             "faded": report.repair.faded,
-            "undecided": report.repair.undecided,
+            "ambiguous": report.repair.ambiguous,
             "edit_reaches_hidden": report.repair.reaches_hidden,
         },
         "pixels": {
@@ -163,7 +163,7 @@ mod tests {
         let nothing = summary(&report, &options, 0);
         assert!(nothing.starts_with("nothing was repaired; unchanged: the 9 splats"), "{nothing}");
         report.repair =
-            RepairCounts { recoloured: 7, meaningless: 2, faded: 3, undecided: 4, ..report.repair };
+            RepairCounts { recoloured: 7, meaningless: 2, faded: 3, ambiguous: 4, ..report.repair };
         report.supervision.masked = 10;
         report.supervision.surface = 8;
         report.supervision.rejections[4] = 2;

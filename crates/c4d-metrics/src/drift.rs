@@ -6,6 +6,7 @@ use gs_core::nearest_rank;
 
 /// Distances to the true motion, over splats and later times, relative to a given size.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Drift {
     /// Mean over splats and times.
     pub mean: f64,

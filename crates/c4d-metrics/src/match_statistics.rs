@@ -13,6 +13,7 @@ pub struct Match {
 
 /// Diagnostics of matches, not quality scores.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct MatchStatistics {
     /// Mean over rows of `Σ w·d`, world units.
     pub mean_distance: f64,

@@ -49,12 +49,14 @@ fn flip_equals_the_reference() {
     for line in lines {
         let [reference, test] = pair_of(&line);
         let mean = flip(&test, &reference).unwrap();
-        assert!((mean - line[4]).abs() < 1e-5, "{line:?}: mean {mean}");
+        // worst seen 3.5e-7
+        assert!((mean - line[4]).abs() < 1e-6, "{line:?}: mean {mean}");
         let map = flip_map(&test, &reference, FLIP_PIXELS_PER_DEGREE).unwrap();
         let step = (map.data.len() / 5).max(1);
         for (k, expected) in line[5..].iter().enumerate() {
             let ours = f64::from(map.data[k * step]);
-            assert!((ours - expected).abs() < 1e-4, "{line:?}: value {k} is {ours}");
+            // worst seen 7.3e-7
+            assert!((ours - expected).abs() < 2e-6, "{line:?}: value {k} is {ours}");
         }
         let off = flip_map(&test, &reference, 0.9 * FLIP_PIXELS_PER_DEGREE).unwrap();
         let mean_off = off.data.iter().map(|&v| f64::from(v)).sum::<f64>() / off.data.len() as f64;
@@ -69,7 +71,8 @@ fn ms_ssim_equals_the_reference() {
     for line in lines {
         let [x, y] = pair_of(&line);
         let value = ms_ssim(&x, &y).unwrap();
-        assert!((value - line[4]).abs() < 1e-5, "{line:?}: {value}");
+        // worst seen 1.5e-6
+        assert!((value - line[4]).abs() < 4e-6, "{line:?}: {value}");
     }
 }
 

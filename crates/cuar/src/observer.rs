@@ -5,6 +5,7 @@ use gs_core::Image;
 
 /// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct RefineProgress {
     /// `"images"` (rendering the supervision), `"refine"`, or `"report"`.
     pub stage: &'static str,
@@ -23,6 +24,7 @@ pub struct RefineProgress {
 
 /// Current state of one image, cropped to what edited splats reach.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Preview {
     /// Index of the camera.
     pub view: usize,

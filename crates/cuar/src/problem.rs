@@ -146,6 +146,7 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
 
 /// One point of the loss curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct TracePoint {
     /// Wall-clock seconds since the solver started.
     pub secs: f64,

@@ -20,6 +20,7 @@ use std::time::Instant;
 
 /// Result of a refinement.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Refined {
     /// Rows that may have changed: the edited ones, ascending.
     pub rows: Vec<u32>,

@@ -5,6 +5,7 @@ use crate::{RepairCounts, SupervisionStats, problem::TracePoint, view_sampler::V
 /// Counts, losses and timings of a refinement. Losses are Eq. 20, means over images; only pixels
 /// that an edited splat reaches contribute.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct RefineReport {
     /// Edited splats.
     pub num_edited: usize,

@@ -50,6 +50,7 @@ impl Repair {
 
 /// Counts of a [`Repair`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RepairCounts {
     /// Splats that frame 1 does not supervise.
     pub hidden: usize,

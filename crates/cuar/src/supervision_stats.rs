@@ -2,6 +2,7 @@
 
 /// Reason why a masked pixel has no supervision from frame 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Rejection {
     /// The coverage is below [`crate::WarpParams::min_coverage`].
     Uncovered,
@@ -44,6 +45,7 @@ impl Rejection {
 
 /// Counts of pixels, summed over the supervised images.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct SupervisionStats {
     /// Pixels that an edited splat reaches.
     pub live: u64,

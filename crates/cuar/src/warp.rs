@@ -4,6 +4,7 @@ use crate::Rejection;
 
 /// Form of the warp of the first frame to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum WarpForm {
     /// Backward warp: every pixel of frame `t` samples frame 1 at the position of its surface
     /// there, given by the flow composited at frame `t` and divided by coverage. The pixel is

@@ -48,6 +48,7 @@ const REACH_MARGIN: usize = 8;
 
 /// Result of a fit.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Fitted {
     /// Unselected splats, bit for bit, and the remaining selected ones, in the order of the start;
     /// then new ones.

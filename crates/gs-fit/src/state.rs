@@ -18,6 +18,7 @@ pub struct FitState {
 
 /// Progress of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FitProgress {
     /// Completed steps.
     pub done: usize,
@@ -31,6 +32,7 @@ pub struct FitProgress {
 
 /// Current state of one view.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct FitPreview {
     /// Name of the view.
     pub name: String,

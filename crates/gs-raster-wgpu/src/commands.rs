@@ -8,6 +8,7 @@ use std::sync::mpsc;
 
 /// Time of one pass on the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct PassTiming {
     /// Name of the kernel.
     pub name: &'static str,

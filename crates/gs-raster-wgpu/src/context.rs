@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Options for using a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub struct GpuOptions {
     /// Use only core WGSL and WebGPU's default limits, even if the adapter has more. Gradients are
     /// then identical from run to run. Default false.

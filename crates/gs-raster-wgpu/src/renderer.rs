@@ -17,6 +17,7 @@ pub struct WgpuRasterizer {
 
 /// Intermediate results of the preparation, for tests and debugging.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Stages {
     /// Per splat: u, v (pixels, pixel i sampled at i), conic A, B, C, opacity, camera depth, radius
     /// (pixels, 0 = culled), `[N,8]`. After a forward pass, the opacity is −1 for splats excluded

@@ -220,8 +220,9 @@ fn states_of_a_different_device_are_refused_or_replaced() {
 /// usable afterwards.
 #[test]
 fn too_little_memory_is_an_error() {
-    let options =
-        GpuOptions { portable: true, max_binding_bytes: Some(64 << 10), ..GpuOptions::default() };
+    let mut options = GpuOptions::default();
+    options.portable = true;
+    options.max_binding_bytes = Some(64 << 10);
     let raster = WgpuRasterizer::new(GpuContext::with_options(choice(), options).unwrap());
     let params = RenderParams::default();
     let splats = cloud(17, 10, 0, -2.0);

@@ -18,6 +18,7 @@ use std::{f64::consts::PI, fmt, ops::RangeInclusive, str::FromStr};
 
 /// A test scene with known motion, named after the tested property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum TruthCase {
     /// Only colours change.
     Recolour,

@@ -24,6 +24,7 @@ pub use region::Region;
 
 /// New colours. The baked light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Paint {
     /// One colour (sRGB, 0–1), without texture.
     Solid([f32; 3]),
@@ -37,6 +38,7 @@ pub enum Paint {
 
 /// One step of an editing session. Lengths are relative to the figure size.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Edit {
     /// New colours, same geometry.
     Recolour {

@@ -50,6 +50,7 @@ pub struct FittedField {
 
 /// Errors of a trained network.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct FitResidual {
     /// Mean distance of centres from the scene's, % of the figure size.
     pub mean: f64,

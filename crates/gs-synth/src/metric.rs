@@ -6,6 +6,7 @@ use gs_core::{DynamicScene, Splats, quantile, quat};
 
 /// Scores of a predicted motion against the truth, over all times and scored splats.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct MotionError {
     /// Mean end-point error, % of the figure size.
     pub epe: f64,

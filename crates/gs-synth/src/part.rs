@@ -198,6 +198,7 @@ pub enum Kind {
 /// Effect of the last edit that affected a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Tag {
     /// Bit-identical to its source splat.
     Unchanged,

@@ -16,6 +16,7 @@ const VISIBLE: f32 = 0.02;
 
 /// An edit of a scene with short-lived splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ShortLivedCase {
     /// Chest and upper arms get a jacket of a different colour.
     Recolour,

@@ -18,6 +18,7 @@ const ROUNDS: usize = 12;
 
 /// Colour that an editor leaves on splats that its pictures do not show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum UnseenColor {
     /// The colour of the source.
     #[default]

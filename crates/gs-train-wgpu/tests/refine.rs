@@ -286,30 +286,32 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
 }
 
 /// Offsets, gradients and moments larger than a binding are split; the result is bit-identical.
-/// Rows that are not shown stay zero.
+/// Rows that are not visible stay zero.
 #[test]
 fn splitting_does_not_change_the_result() {
     let rows = 3_000;
-    let max_binding_bytes = Some(128 << 10);
     assert!(rows * 48 * 4 > 4 * (128 << 10), "five bindings");
-    let gpu = GpuOptions { portable: true, max_binding_bytes, ..GpuOptions::default() };
+    let mut gpu = GpuOptions::default();
+    gpu.portable = true;
+    gpu.max_binding_bytes = Some(128 << 10);
     let split = WgpuRasterizer::new(GpuContext::with_options(choice(), gpu).unwrap());
     let (d_sh, adam) = three_steps(&raster(Mode::Portable), rows);
     let in_pieces = three_steps(&split, rows);
     assert!((&d_sh, &adam) == (&in_pieces.0, &in_pieces.1), "the same bits");
     for (row, own) in d_sh.chunks(16).enumerate() {
         let moved = own.iter().flatten().any(|d| d.to_bits() != 0);
-        assert!(!moved || row % 3 == 0, "row {row} is not shown");
+        assert!(!moved || row % 3 == 0, "row {row} is not visible");
     }
     let last = d_sh.chunks(16).skip(2_700).filter(|own| own[0] != [0.0; 3]).count();
-    assert!(last > 20, "{last} of the last 100 rows shown moved");
+    assert!(last > 20, "{last} of the last 100 visible rows changed");
 }
 
 /// Too little memory for data that cannot be split is an error.
 #[test]
 fn too_little_memory_is_an_error() {
-    let gpu =
-        GpuOptions { portable: true, max_binding_bytes: Some(16 << 10), ..Default::default() };
+    let mut gpu = GpuOptions::default();
+    gpu.portable = true;
+    gpu.max_binding_bytes = Some(16 << 10);
     let raster = WgpuRasterizer::new(GpuContext::with_options(choice(), gpu).unwrap());
     let error = on_device(&raster, &paper(), None, &mut NoRefineObserver).unwrap_err().to_string();
     assert!(error.contains("bytes, more than graphics adapter"), "{error}");

@@ -15,6 +15,7 @@ const EPSILON: f32 = 1e-10;
 
 /// Networks of LPIPS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LpipsBackbone {
     /// torchvision's `alexnet`; the default in papers.
     Alex,

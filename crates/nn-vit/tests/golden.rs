@@ -110,11 +110,11 @@ fn clip_equals_double_precision() {
     let image = Picture::new(300, 410, 1).planes(Preprocessing::Pil);
     let features = clip.image_features(&image).unwrap();
     let error = worst(features, &expected("clip/image"));
-    assert!(error < 1e-5, "image: {error:e}");
+    assert!(error < 1e-6, "image: {error:e}");
     let mut tokens = [0; CONTEXT];
     tokens[..6].copy_from_slice(&[598, 17, 230, 5, 411, 599]);
     let error = worst(clip.text_features(&tokens).unwrap(), &expected("clip/text"));
-    assert!(error < 1e-5, "text: {error:e}");
+    assert!(error < 1e-6, "text: {error:e}");
     // Negative control: a different word.
     tokens[2] = 231;
     let error = worst(clip.text_features(&tokens).unwrap(), &expected("clip/text"));
@@ -131,7 +131,8 @@ fn dino_equals_double_precision_at_any_size() {
     {
         let image = Picture::new(width, height, 4).planes(Preprocessing::Dino);
         let error = worst(dino.features(&image).unwrap(), &expected(&format!("dino/{label}")));
-        assert!(error < 1e-5, "{label}: {error:e}");
+        // worst seen 2.3e-7
+        assert!(error < 1e-6, "{label}: {error:e}");
     }
 }
 
@@ -201,7 +202,8 @@ fn lpips_equals_double_precision() {
         let lpips = Lpips::open(backbone, &weights(name), &heads).unwrap();
         let expected = expected(&format!("lpips/{name}"))[0];
         let found = lpips.distance(a.rgb(), b.rgb()).unwrap();
-        assert!((found - expected).abs() < 1e-5 * expected.abs(), "{name}: {found} {expected}");
+        // worst seen 2.2e-6
+        assert!((found - expected).abs() < 5e-6 * expected.abs(), "{name}: {found} {expected}");
         assert_eq!(lpips.distance(a.rgb(), a.rgb()).unwrap(), 0.0, "{name}: equal images");
         let small = Picture::new(backbone.min_side(), backbone.min_side(), 1);
         assert!(lpips.distance(small.rgb(), small.rgb()).is_ok(), "{name}: the smallest image");

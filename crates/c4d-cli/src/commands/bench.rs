@@ -141,7 +141,7 @@ impl Networks {
         let params = FitParams { seed, ..FitParams::default() };
         let fitted = gs_synth::fit_hexplane(&scene.source, scene.figure_size, &params)
             .map_err(Failure::failed)?;
-        let FitResidual { mean, p95, rot_deg } = fitted.residual;
+        let FitResidual { mean, p95, rot_deg, .. } = fitted.residual;
         let seconds = start.elapsed().as_secs_f64();
         self.fits.push(Fit { case: case.name(), seed, mean, p95, rot_deg, seconds });
         let network = Arc::new(fitted.scene().map_err(Failure::failed)?);

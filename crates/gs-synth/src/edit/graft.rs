@@ -17,6 +17,7 @@ use rand_pcg::Pcg64;
 
 /// Geometry to add.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Graft {
     /// Brimmed hat on the head.
     Hat,

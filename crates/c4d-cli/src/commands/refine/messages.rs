@@ -12,7 +12,7 @@ pub(super) const OTHER_VIEWS: &str = "; other views are given with --refine-came
 
 /// One sentence: what was repaired, what was not, and why.
 pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: usize) -> String {
-    let RepairCounts { hidden, recoloured, meaningless, faded, ambiguous, reaches_hidden } =
+    let RepairCounts { hidden, recoloured, meaningless, faded, ambiguous, reaches_hidden, .. } =
         report.repair;
     let mut done = Vec::new();
     if recoloured > 0 {
@@ -158,12 +158,15 @@ mod tests {
     #[test]
     fn the_summary_says_what_was_repaired_what_was_left_and_why() {
         let options = RefineOptions::default();
-        let mut report = RefineReport { num_edited: 50, ..RefineReport::default() };
+        let mut report = RefineReport::default();
+        report.num_edited = 50;
         report.repair.hidden = 9;
         let nothing = summary(&report, &options, 0);
         assert!(nothing.starts_with("nothing was repaired; unchanged: the 9 splats"), "{nothing}");
-        report.repair =
-            RepairCounts { recoloured: 7, meaningless: 2, faded: 3, ambiguous: 4, ..report.repair };
+        report.repair.recoloured = 7;
+        report.repair.meaningless = 2;
+        report.repair.faded = 3;
+        report.repair.ambiguous = 4;
         report.supervision.masked = 10;
         report.supervision.surface = 8;
         report.supervision.rejections[4] = 2;

@@ -1,6 +1,6 @@
 //! Masks of pixels.
 
-/// `mask` (`[H,W]`) dilated by `radius` pixels in each direction (a square).
+/// `mask` (`[H,W]`, `width` columns) dilated by `radius` pixels in each direction (a square).
 pub fn dilated(mask: &[bool], width: usize, radius: usize) -> Vec<bool> {
     if width == 0 {
         return Vec::new();

@@ -41,7 +41,7 @@ pub struct RegressionParams {
     /// Over-relaxation of the observed colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
     /// Weight of the term that keeps a splat at its colours in the edited frame, relative to the
-    /// weight of the same pixels in the background loss; lower for splats that are hardly visible
+    /// weight of the same pixels in the background loss; lower for splats that are barely visible
     /// there. These colours are correct by definition, and pixels alone do not separate the colours
     /// of neighbours. Default 1000; 0 treats the edited frame like any other image. No effect unless
     /// the edited frame is among the images.

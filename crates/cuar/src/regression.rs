@@ -237,7 +237,7 @@ impl Regression {
     }
 
     /// Sets the weights of the terms that keep the colours of the edited frame; they are low for
-    /// splats that are hardly visible there.
+    /// splats that are barely visible there.
     fn weigh_anchors<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         if params.anchor_weight <= 0.0 {
             return;

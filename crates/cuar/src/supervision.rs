@@ -110,8 +110,8 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(())
     }
 
-    /// The images `drawn[group]` that show edited splats. A render of frame 1 stays in memory while a
-    /// later image of `drawn` has its view.
+    /// The images `drawn[group]` that show edited splats. A render of frame 1 stays in memory while
+    /// a later image of `drawn` has its view.
     fn group(
         &mut self,
         drawn: &[ViewTime],

@@ -32,7 +32,7 @@ const ALIGN_UNTIL: f64 = 0.9;
 /// Share of the fit until which only the opacity of fading splats is fitted.
 const FADE_UNTIL: f64 = 0.5;
 /// Splats below this opacity are removed at a given share of the fit, so that the last steps adapt
-/// the others. Eight-bit pictures hardly show them.
+/// the others. They are barely visible in eight-bit pictures.
 const FAINT_AT_END: f32 = 0.02;
 const LAST_PRUNE: f64 = 0.9;
 /// Number of estimates from which the fit determines whether the pictures disagree, and how.

@@ -316,7 +316,7 @@ fn passes_are_timed_where_supported() {
     }
 }
 
-/// The planes may stay on the device, and a backward pass works as usual.
+/// The planes can remain on the device, and a backward pass works as usual.
 #[test]
 fn planes_can_remain_on_the_device() {
     let scene = &scenes()[1];

@@ -113,7 +113,7 @@ pub enum Edit {
 
 /// Applies `edits` in order to the frame-1 splats of `scene`.
 ///
-/// Splats that no edit touches stay bit-identical. The truth uses the source's skeleton without noise.
+/// Splats that no edit affects are bit-identical. The truth uses the source's skeleton without noise.
 ///
 /// # Errors
 /// If a parameter is out of range or an edit needs a figure the scene does not have.
@@ -130,7 +130,7 @@ pub fn apply_edits(
 pub(crate) enum Removal {
     /// They are removed.
     Whole,
-    /// They stay, marked in [`Draft::removed`].
+    /// They remain, marked in [`Draft::removed`].
     Marked,
 }
 

@@ -99,12 +99,12 @@ pub fn fit_hexplane(
 }
 
 fn check(params: &FitParams, figure_size: f32) -> Result<(), SynthError> {
-    for (name, value, least) in [
+    for (name, value, minimum) in [
         ("resolution", params.resolution, 2),
         ("time_resolution", params.time_resolution, 2),
         ("num_times", params.num_times, 2),
     ] {
-        if !(least..=512).contains(&value) {
+        if !(minimum..=512).contains(&value) {
             return Err(SynthError::param(name, value, "2 to 512"));
         }
     }

@@ -19,13 +19,13 @@ fn rows_of(scene: &TruthScene, part: Part) -> Vec<usize> {
 }
 
 fn nearest(splats: &Splats, a: &[usize], b: &[usize]) -> f32 {
-    let mut least = f32::INFINITY;
+    let mut smallest = f32::INFINITY;
     for &i in a {
         for &j in b {
-            least = least.min(Vec3::from(splats.means[i]).distance(splats.means[j].into()));
+            smallest = smallest.min(Vec3::from(splats.means[i]).distance(splats.means[j].into()));
         }
     }
-    least
+    smallest
 }
 
 #[test]

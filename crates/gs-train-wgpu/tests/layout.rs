@@ -1,4 +1,4 @@
-//! Training shaders and Rust agree and stay within the default limits. Needs no device.
+//! Training shaders agree with Rust and comply with the default limits. Needs no device.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -170,9 +170,9 @@ fn the_paper_preset_matches_the_cpu() {
     let coeffs = splats.sh_coeffs();
     for row in (0..splats.len()).filter(|&row| !small().edited[row]) {
         let rows = row * coeffs..(row + 1) * coeffs;
-        assert_eq!(splats.sh[rows.clone()], before.sh[rows], "unedited row {row} stays");
+        assert_eq!(splats.sh[rows.clone()], before.sh[rows], "unedited row {row} is unchanged");
     }
-    assert_eq!(splats.means, before.means, "geometry stays");
+    assert_eq!(splats.means, before.means, "geometry is unchanged");
     let moved = |refined: &Refined| -> Vec<bool> {
         refined.d_sh.chunks(coeffs).map(|d| d.iter().any(|d| *d != [0.0; 3])).collect()
     };

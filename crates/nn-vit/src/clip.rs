@@ -113,7 +113,7 @@ impl ClipNetwork {
         self.image_projection.nrows()
     }
 
-    /// Unit vector of features of a preprocessed image, which must have the network's size.
+    /// Unit vector of features, `[num_features]`, of a preprocessed image of the network's size.
     ///
     /// # Errors
     /// If the image has a different size.
@@ -135,8 +135,8 @@ impl ClipNetwork {
         Ok(unit(class.dot(&self.image_projection.t()).into_raw_vec_and_offset().0))
     }
 
-    /// Unit vector of features of a text, given as [`Tokenizer::encode`](crate::Tokenizer::encode)
-    /// returns it.
+    /// Unit vector of features, `[num_features]`, of a text encoded by
+    /// [`Tokenizer::encode`](crate::Tokenizer::encode).
     ///
     /// # Errors
     /// If a token is not in the vocabulary of the weights.

@@ -36,7 +36,7 @@ pub enum NetworkError {
         /// The line.
         text: String,
     },
-    /// The vocabulary is too short.
+    /// The list of merges is too short.
     #[error("{found} merges, expected at least {expected}")]
     FewMerges {
         /// Number of merges.

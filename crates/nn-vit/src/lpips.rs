@@ -139,7 +139,7 @@ impl Lpips {
         Ok(Self { backbone, convolutions, heads: lines })
     }
 
-    /// Distance of two images of one size; 0 for equal ones.
+    /// Distance of two images of the same size, 0 or more; 0 for equal ones. Lower is better.
     ///
     /// # Errors
     /// If the sizes differ or are below [`LpipsBackbone::min_side`].

@@ -21,14 +21,15 @@ struct Normalisation {
     std: [f32; 3],
 }
 
-/// The input of a network, `[3, height, width]`.
+/// The input of a network: an image whose channels are normalised by the mean and deviation of the
+/// training images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planes {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Row-major.
+    /// RGB, `[3, height, width]`, row-major.
     pub values: Vec<f32>,
 }
 

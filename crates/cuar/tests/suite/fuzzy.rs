@@ -107,7 +107,7 @@ fn visible_splats_supervise_pixels_without_a_surface() {
     let refined = run(&spoiled, WarpParams::default());
     let stats = refined.report.supervision;
     let after = psnr(&refined.scene(&spoiled));
-    assert!(stats.surface < stats.masked / 10, "hardly a surface: {stats:?}");
+    assert!(stats.surface < stats.masked / 10, "almost no surfaces: {stats:?}");
     assert!(stats.splat_colors > stats.masked / 2, "supervised by splat colours: {stats:?}");
     assert_eq!(
         stats.supervised() + stats.rejections.iter().sum::<u64>(),

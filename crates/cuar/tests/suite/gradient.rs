@@ -43,8 +43,8 @@ impl Scene {
         let mut random = 9_u64;
         let [mut original, mut warp] = [(); 2].map(|()| render(splats, &camera));
         // residuals well away from the kink of L1
-        let mut push = |value: &mut f64, least: f64| {
-            let size = least + 0.1 * uniform(&mut random);
+        let mut push = |value: &mut f64, minimum: f64| {
+            let size = minimum + 0.1 * uniform(&mut random);
             *value += if uniform(&mut random) < 0.5 { -size } else { size };
         };
         for value in &mut original {

@@ -37,7 +37,7 @@ pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance 
 
 /// Smallest distance between the two sets of points over the clip, world units.
 fn clearance(skeleton: &Skeleton, arm: &[Point], body: &[Point]) -> f64 {
-    let mut least = f64::INFINITY;
+    let mut smallest = f64::INFINITY;
     for step in 0..8 {
         let pose = skeleton.pose_at(f64::from(step) / 8.0);
         let place = |point: &Point| pose.point(point.attach, point.rest.as_dvec3());
@@ -45,9 +45,9 @@ fn clearance(skeleton: &Skeleton, arm: &[Point], body: &[Point]) -> f64 {
         for point in arm {
             let x = place(point);
             for y in &body {
-                least = least.min(x.distance_squared(*y));
+                smallest = smallest.min(x.distance_squared(*y));
             }
         }
     }
-    least.sqrt()
+    smallest.sqrt()
 }

@@ -305,3 +305,21 @@ impl EvidenceSettings {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    #[test]
+    fn former_names_are_read() {
+        let former: RefineSettings =
+            toml::from_str("preset = \"best\"\n[regression]\nhold = 2.0").unwrap();
+        assert_eq!(former.preset().unwrap(), Some(PresetArg::Default), "preset in a file");
+        let regression = former.regression.unwrap_or_default();
+        assert_eq!(regression.anchor_weight, Some(2.0), "`hold`");
+        assert_eq!(PresetArg::from_str("best", false), Ok(PresetArg::Default), "preset as a flag");
+        let stored: PresetArg = serde_json::from_str("\"Best\"").unwrap();
+        assert_eq!(stored, PresetArg::Default, "preset in a checkpoint");
+    }
+}

@@ -35,11 +35,11 @@ fn reaches(mean: vec2f, conic: vec3f, low: vec2f, high: vec2f) -> bool {
     let near = low - mean;
     let far = high - mean;
     let bend = -conic.y / vec2f(conic.x, conic.z);
-    var least = quad_below(conic, vec2f(near.x, clamp(bend.y * near.x, near.y, far.y)));
-    least = min(least, quad_below(conic, vec2f(far.x, clamp(bend.y * far.x, near.y, far.y))));
-    least = min(least, quad_below(conic, vec2f(clamp(bend.x * near.y, near.x, far.x), near.y)));
-    least = min(least, quad_below(conic, vec2f(clamp(bend.x * far.y, near.x, far.x), far.y)));
-    return least <= REACH * 1.0002;
+    var smallest = quad_below(conic, vec2f(near.x, clamp(bend.y * near.x, near.y, far.y)));
+    smallest = min(smallest, quad_below(conic, vec2f(far.x, clamp(bend.y * far.x, near.y, far.y))));
+    smallest = min(smallest, quad_below(conic, vec2f(clamp(bend.x * near.y, near.x, far.x), near.y)));
+    smallest = min(smallest, quad_below(conic, vec2f(clamp(bend.x * far.y, near.x, far.x), far.y)));
+    return smallest <= REACH * 1.0002;
 }
 
 @compute @workgroup_size(256)

@@ -80,7 +80,7 @@ fn param_gradients(i: u32) -> ParamGrads {
     let v_j12 = dot(v_t1, frame.view2.xyz);
     let inv = 1.0 / o.t.z;
     let j = frame.focal * inv;
-    // The reference takes a clamped x or y for a constant in the derivative by z; the true derivative does not.
+    // The reference treats a clamped x or y as constant in the derivative by z; the true derivative does not.
     let times = select(vec2f(2.0), vec2f(1.0) + o.inside, frame.exact_gradients == 1u);
     var v_t = vec3f(
         -o.inside.x * j.x * inv * v_j02,

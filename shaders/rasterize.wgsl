@@ -40,7 +40,7 @@ fn rasterize(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index
             reported = true;
             atomicAdd(&num_finished, 1u);
         }
-        // The staged entries have been read, the reports are in.
+        // The staged entries have been read, and all finished lanes are counted.
         workgroupBarrier();
         if lane == 0u {
             all_finished = atomicLoad(&num_finished);

@@ -61,7 +61,7 @@ fn backward_tile(tile: vec2u, lane: u32) {
                 let p = exponent(near, far, dx, dy);
                 let candidate = (vec4u(start + j) < last_ids) & (p >= vec4f(far.z)) & (p <= vec4f(0.0));
                 if any(candidate) {
-                    // A needle's conic may be indefinite by rounding: elsewhere p may be large, and infinity times 0 no number.
+                    // The conic of a very thin splat may be indefinite by rounding: elsewhere p may be large, and infinity times 0 is NaN.
                     let falloff = exp(min(p, vec4f(0.0)));
                     let raw = far.y * falloff;
                     let alpha = min(vec4f(MAX_ALPHA), raw);
@@ -81,7 +81,7 @@ fn backward_tile(tile: vec2u, lane: u32) {
                         rest += weight * sigma;
                         transmittance = select(transmittance, before, drawn);
                         if frame.exact_gradients == 1u {
-                            // The true derivative is zero where opacity is capped; the reference lets it pass.
+                            // Where opacity is capped, the true derivative is zero; the reference passes the gradient on.
                             v_alpha = select(v_alpha, vec4f(0.0), raw > vec4f(MAX_ALPHA));
                         }
                         let v_p = raw * v_alpha;

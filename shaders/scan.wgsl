@@ -1,6 +1,6 @@
 // Needs: shared/dispatch.wgsl
 // Exclusive prefix sum, in place, level by level. One group = one block of 1024 values. Sums that exceed 32 bits stay at the largest
-// value, so that an absurd number of pairs is recognised instead of wrapping around.
+// value, so that an excessive number of pairs is detected instead of wrapping around.
 //
 // `scan_blocks` scans each block and leaves its total in `totals`; the caller scans those; `scan_add` adds them back.
 
@@ -41,7 +41,7 @@ fn scan_blocks(@builtin(workgroup_id) workgroup: vec3u, @builtin(local_invocatio
         if lane >= reach {
             before = sums[lane - reach];
         }
-        // Everyone has read before anyone overwrites, and the other way round.
+        // All lanes must read before any lane overwrites, and vice versa.
         workgroupBarrier();
         running = add_saturating(running, before);
         sums[lane] = running;

@@ -33,8 +33,8 @@ fn stage_entry(at: u32, entry: vec2u, g0: vec4f, g1: vec4f) {
     stage_near[at] = g0;
     // A hidden splat (opacity 0 or less) gets a threshold that no exponent reaches. The margin
     // makes this test weaker than the exact one.
-    let least = select(1.0, log(ALPHA_THRESHOLD / max(g1.y, 1e-30)) - 0.001, g1.y > 0.0);
-    stage_far[at] = vec4f(g1.xy, least, 0.0);
+    let min_exponent = select(1.0, log(ALPHA_THRESHOLD / max(g1.y, 1e-30)) - 0.001, g1.y > 0.0);
+    stage_far[at] = vec4f(g1.xy, min_exponent, 0.0);
     stage_ids[at] = entry;
 }
 

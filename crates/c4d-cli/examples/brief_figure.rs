@@ -9,7 +9,7 @@
 use gs_io::ply::comments::up_comments;
 use gs_io::ply::{self, WriteOptions};
 use gs_io::{Existing, ply_sequence};
-use gs_synth::{BriefCase, BriefParams, build_brief};
+use gs_synth::{ShortLivedCase, ShortLivedParams, build_short_lived};
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -20,18 +20,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
     let folder = PathBuf::from(args.next().ok_or("usage: brief_figure FOLDER [SPLATS]")?);
     let num_splats = args.next().map_or(Ok(6_000), |count| count.parse())?;
-    let params = BriefParams { num_splats, lives: [0.1, 0.3], ..BriefParams::default() };
+    let params =
+        ShortLivedParams { num_splats, lifetimes: [0.1, 0.3], ..ShortLivedParams::default() };
     std::fs::create_dir_all(&folder)?;
     let options =
         WriteOptions { comments: up_comments([0.0, 1.0, 0.0]), ..WriteOptions::default() };
     let edits = [
-        (BriefCase::Recolour, "recolour.ply"),
-        (BriefCase::Delete, "delete.ply"),
-        (BriefCase::Hat, "hat.ply"),
+        (ShortLivedCase::Recolour, "recolour.ply"),
+        (ShortLivedCase::Delete, "delete.ply"),
+        (ShortLivedCase::Hat, "hat.ply"),
     ];
     for (case, name) in edits {
-        let scene = build_brief(case, &params)?;
-        if case == BriefCase::Recolour {
+        let scene = build_short_lived(case, &params)?;
+        if case == ShortLivedCase::Recolour {
             let times = gs_core::TimeRange::UNIT.frames(FRAMES);
             let source = folder.join("source");
             let existing = Existing::Replace;

@@ -20,7 +20,7 @@ use gs_deform::{Polynomial, PolynomialScene};
 use gs_io::repair::Damage;
 use gs_io::{Clip, Existing, OpenOptions, SceneKind, fourdgs_file, open_scene, splatv};
 use gs_raster_cpu::CpuRasterizer;
-use gs_synth::{BriefParams, BriefScene};
+use gs_synth::{ShortLivedParams, ShortLivedScene};
 use std::fs;
 use std::path::Path;
 
@@ -30,9 +30,14 @@ const TIMES: [f32; 4] = [0.0, 0.31, 0.77, 1.0];
 /// A figure of splats that are visible for 0.1 to 0.3 of the clip, base colours only. (Checkpoints
 /// of FreeTimeGS have no lifetimes below 0.098.)
 fn figure() -> PolynomialScene {
-    let lives = [0.1, 0.3];
-    let params = BriefParams { num_splats: 3_000, share: 1.0, lives, ..BriefParams::default() };
-    let scene = BriefScene::figure(&params).unwrap().lines().unwrap();
+    let lifetimes = [0.1, 0.3];
+    let params = ShortLivedParams {
+        num_splats: 3_000,
+        share: 1.0,
+        lifetimes,
+        ..ShortLivedParams::default()
+    };
+    let scene = ShortLivedScene::figure(&params).unwrap().lines().unwrap();
     let rest = scene.rest();
     let base = rest.sh.iter().step_by(rest.sh_coeffs()).copied().collect();
     let rest = Splats { sh: base, sh_degree: 0, ..rest.clone() };

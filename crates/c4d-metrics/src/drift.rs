@@ -6,6 +6,7 @@ use gs_core::nearest_rank;
 
 /// Distances to the true motion, over splats and later times, relative to a given size.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Drift {
     /// Mean over splats and times.
     pub mean: f64,
@@ -47,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_motion_elsewhere_does_not_drift() {
+    fn equal_motion_at_another_position_does_not_drift() {
         let track = |offset: f32, speed: f32| {
             MotionTrack::from_frames(
                 (0..3).map(|t| vec![[offset + speed * t as f32, 0.0, 0.0]; 4]).collect(),

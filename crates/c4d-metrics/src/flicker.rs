@@ -3,9 +3,9 @@
 use crate::FlowField;
 use gs_core::Image;
 
-/// Mean absolute difference of two 8-bit-rounded images, 0 to 255; `None` if shapes differ or there
-/// are no pixels. VBench's temporal flickering is `(255 − mean over pairs of frames) / 255`, see
-/// [`temporal_flickering`].
+/// Mean absolute difference of two images `[H,W,C]` over pixels and channels, in 8-bit levels, 0 to
+/// 255; lower is better. Values are clamped to 0 to 1 and rounded to 8 bits first. `None` if shapes
+/// differ or there are no pixels. See also [`temporal_flickering`].
 pub fn mean_absolute_difference(a: &Image, b: &Image) -> Option<f64> {
     let shape = |image: &Image| (image.width, image.height, image.channels);
     if shape(a) != shape(b) || a.data.is_empty() {
@@ -16,29 +16,31 @@ pub fn mean_absolute_difference(a: &Image, b: &Image) -> Option<f64> {
     Some(sum as f64 / a.data.len() as f64)
 }
 
-/// `(255 − d) / 255`, where `d` is the mean over pairs of successive frames of
-/// [`mean_absolute_difference`]: 1 for a constant video. Motion lowers it too, so compare it with
-/// the value of the scene before the edit.
+/// VBench's temporal flickering: `(255 − d) / 255`, where `d` (`mean_difference`) is the mean of
+/// [`mean_absolute_difference`] over pairs of successive frames, 8-bit levels. From 0 to 1, 1 for a
+/// constant video; higher is better. Motion lowers it too, so compare it with the value of the
+/// scene before the edit.
 pub fn temporal_flickering(mean_difference: f64) -> f64 {
     (255.0 - mean_difference) / 255.0
 }
 
-/// Flicker where nothing moves: standard deviation over time of pixels that show the same static
-/// point of the scene at all times. Sums are integers, hence exact, for up to 66 000 frames.
+/// Flicker of static pixels: standard deviation over time of pixels that show the same static point
+/// of the scene at all times. Sums are integers, hence exact, for up to 66 000 frames.
 #[derive(Debug, Clone, Default)]
 pub struct StaticFlicker {
     frames: u64,
     /// Sums of values and of their squares, `[H,W,C]`.
     sums: Vec<[u32; 2]>,
-    /// Pixels that were static so far, `[H,W]`.
+    /// Pixels that have been static so far, `[H,W]`.
     still: Vec<bool>,
 }
 
 impl StaticFlicker {
-    /// Motion from which a pixel counts as moving, pixels per frame.
+    /// Motion at which a pixel counts as moving, pixels per frame.
     pub const STILL: f32 = 0.25;
 
-    /// Adds a frame.
+    /// Adds a frame `[H,W,C]`, values 0 to 1, rounded to 8 bits. All frames must have the same
+    /// shape.
     pub fn add(&mut self, frame: &Image) {
         self.sums.resize(frame.data.len(), [0; 2]);
         self.still.resize(frame.width * frame.height, true);
@@ -51,7 +53,8 @@ impl StaticFlicker {
     }
 
     /// Excludes pixels that move by [`StaticFlicker::STILL`] or more, or whose motion is unknown.
-    pub fn leave_out_moving(&mut self, flow: &FlowField) {
+    /// `flow` is the motion between two frames, pixels, of the frames' size.
+    pub fn exclude_moving(&mut self, flow: &FlowField) {
         self.still.resize(flow.vectors().len(), true);
         for (still, v) in self.still.iter_mut().zip(flow.vectors()) {
             *still &= v[0].hypot(v[1]) < Self::STILL;

@@ -20,7 +20,7 @@ pub struct FlowField {
 }
 
 impl FlowField {
-    /// From a flow `[H,W,2]`, pixels, NaN where unknown; empty for another number of channels.
+    /// From a flow `[H,W,2]`, pixels, NaN where unknown; empty for any other number of channels.
     pub fn of(flow: &Image) -> Self {
         if flow.channels != 2 {
             return Self::default();

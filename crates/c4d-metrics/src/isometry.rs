@@ -1,12 +1,12 @@
 //! Change of the distances between neighbours.
 
 use crate::track::distance;
-use crate::{MotionTrack, Neighbors};
+use crate::{MotionTrack, PointNeighbors};
 
 /// Mean over later times and edges `(g, h)` to `neighbours` of
 /// `|‖x_g^t − x_h^t‖ / ‖x_g^1 − x_h^1‖ − 1|`, excluding edges of zero length at the first time. 0
 /// for rigid motion; lower is better. `None` without edges or with fewer than two times.
-pub fn isometry(track: &MotionTrack, neighbors: &Neighbors) -> Option<f64> {
+pub fn isometry(track: &MotionTrack, neighbors: &PointNeighbors) -> Option<f64> {
     let first = track.first();
     let (mut sum, mut count) = (0.0, 0_usize);
     for frame in track.frames().iter().skip(1) {
@@ -31,7 +31,7 @@ mod tests {
     fn stretching_is_measured() {
         let points: Vec<[f32; 3]> = (0..5).map(|i| [i as f32, 0.0, 0.0]).collect();
         let moved = |f: fn(f32) -> f32| points.iter().map(|p| [f(p[0]), 0.0, 0.0]).collect();
-        let near = Neighbors::of(&points, 2);
+        let near = PointNeighbors::of(&points, 2);
         let value = |f: fn(f32) -> f32| {
             isometry(&MotionTrack::from_frames(vec![points.clone(), moved(f)]), &near).unwrap()
         };

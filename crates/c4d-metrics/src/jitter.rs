@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shaking_is_measured_and_uniform_motion_is_not() {
+    fn jitter_is_zero_for_uniform_motion_and_positive_for_shaking() {
         let along = |x: fn(usize) -> f32| {
             MotionTrack::from_frames((0..4).map(|t| vec![[x(t), 0.0, 0.0]; 5]).collect())
         };

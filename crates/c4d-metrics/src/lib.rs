@@ -36,7 +36,7 @@ pub use match_statistics::{Match, MatchStatistics, match_statistics};
 pub use motion_fidelity::motion_fidelity;
 pub use ms_ssim::{MS_SSIM_MIN_SIDE, MS_SSIM_WEIGHTS, ms_ssim};
 pub use ndd::{NDD_NEIGHBORS, deviation_among, neighborhood_distance_deviation};
-pub use neighbors::{Neighbors, nearest};
+pub use neighbors::{PointNeighbors, nearest};
 pub use preservation::EditedImage;
 pub use psnr::psnr;
 pub use ssim::{SSIM_RADIUS, Ssim, SsimBorder};

@@ -1,6 +1,6 @@
 //! Masks of pixels.
 
-/// `mask` (`[H,W]`) dilated by `radius` pixels in each direction (a square).
+/// `mask` (`[H,W]`, `width` columns) dilated by `radius` pixels in each direction (a square).
 pub fn dilated(mask: &[bool], width: usize, radius: usize) -> Vec<bool> {
     if width == 0 {
         return Vec::new();
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pixel_becomes_a_square() {
+    fn a_dilated_pixel_is_a_square() {
         let mut mask = vec![false; 7 * 5];
         mask[2 * 7 + 3] = true;
         let grown = dilated(&mask, 7, 1);

@@ -13,6 +13,7 @@ pub struct Match {
 
 /// Diagnostics of matches, not quality scores.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct MatchStatistics {
     /// Mean over rows of `Σ w·d`, world units.
     pub mean_distance: f64,
@@ -64,7 +65,7 @@ pub fn match_statistics(rows: &[Vec<Match>], nearest: &[f64]) -> Option<MatchSta
 mod tests {
     use super::*;
 
-    /// Rows on a line that match the splat below them; one in twenty matches another row's splat.
+    /// Rows on a line that match the splat below them; one in twenty matches the splat of a different row.
     #[test]
     fn swapped_matches_cross_regions() {
         let rate = |swap: bool| {
@@ -85,7 +86,7 @@ mod tests {
         let even = vec![vec![at(0.25, 1.0); 4]; 3];
         let found = match_statistics(&even, &[1.0; 3]).unwrap();
         assert!((found.perplexity - 4.0).abs() < 1e-9, "four: {found:?}");
-        assert_eq!(found.argmax_margin, 0.0, "undecided");
+        assert_eq!(found.argmax_margin, 0.0, "equal weights");
         assert_eq!(found.cross_region_rate, Some(0.0), "near");
         let single = vec![vec![at(1.0, 1.0)], vec![at(1.0, 4.0)]];
         let found = match_statistics(&single, &[1.0; 2]).unwrap();

@@ -2,8 +2,8 @@
 
 use crate::FlowField;
 
-/// Mean distance of two rendered flows, pixels, over the pixels where both are known and `mask`
-/// equals `inside`; lower is better. `None` without such pixels.
+/// Mean distance of two rendered flows of the same size, pixels, over the pixels where both are
+/// known and `mask` (`[H,W]`) equals `inside`; lower is better. `None` without such pixels.
 pub fn motion_fidelity(
     edited: &FlowField,
     source: &FlowField,

@@ -20,7 +20,7 @@ pub fn ms_ssim(image: &Image, reference: &Image) -> Option<f64> {
         return None;
     }
     let values = (0..channels).map(|c| {
-        let plane = |image: &Image| Plane {
+        let plane = |image: &Image| ImagePlane {
             width,
             height,
             data: image.data.iter().skip(c).step_by(channels).copied().collect(),
@@ -30,13 +30,13 @@ pub fn ms_ssim(image: &Image, reference: &Image) -> Option<f64> {
     Some(values.sum::<f64>() / channels.max(1) as f64)
 }
 
-struct Plane {
+struct ImagePlane {
     width: usize,
     height: usize,
     data: Vec<f32>,
 }
 
-fn of_plane(mut x: Plane, mut y: Plane) -> f64 {
+fn of_plane(mut x: ImagePlane, mut y: ImagePlane) -> f64 {
     let mut value = 1.0;
     for (scale, weight) in MS_SSIM_WEIGHTS.into_iter().enumerate() {
         let mut ssim = Ssim::<f32>::new(x.width, x.height, 1);
@@ -51,7 +51,7 @@ fn of_plane(mut x: Plane, mut y: Plane) -> f64 {
     value
 }
 
-fn halved(plane: &Plane) -> Plane {
+fn halved(plane: &ImagePlane) -> ImagePlane {
     let (width, height) = (plane.width / 2, plane.height / 2);
     let at = |x: usize, y: usize| plane.data[y * plane.width + x];
     let mean = |x: usize, y: usize| {
@@ -59,5 +59,5 @@ fn halved(plane: &Plane) -> Plane {
             / 4.0
     };
     let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| mean(x, y));
-    Plane { width, height, data: data.collect() }
+    ImagePlane { width, height, data: data.collect() }
 }

@@ -1,7 +1,7 @@
 //! Neighbourhood distance deviation (NDD).
 
 use crate::track::distance;
-use crate::{MotionTrack, Neighbors};
+use crate::{MotionTrack, PointNeighbors};
 use rayon::prelude::*;
 
 /// Number of neighbours of each point.
@@ -10,7 +10,7 @@ pub const NDD_NEIGHBORS: usize = 8;
 /// Neighbourhood distance deviation over the 8 nearest neighbours in the first frame, see
 /// [`deviation_among`]. 0 for fewer than two times or nine splats.
 pub fn neighborhood_distance_deviation(track: &MotionTrack) -> f64 {
-    deviation_among(track, &Neighbors::of(track.first(), NDD_NEIGHBORS))
+    deviation_among(track, &PointNeighbors::of(track.first(), NDD_NEIGHBORS))
 }
 
 /// Relative change of the distances to `neighbours` since the first frame:
@@ -18,7 +18,7 @@ pub fn neighborhood_distance_deviation(track: &MotionTrack) -> f64 {
 /// Dimensionless; a point that coincides with all its neighbours counts as 0. True deformation
 /// raises it, and averaging the motions of different parts *lowers* it, so it measures stability,
 /// not accuracy: compare it with the value of the source.
-pub fn deviation_among(track: &MotionTrack, neighbors: &Neighbors) -> f64 {
+pub fn deviation_among(track: &MotionTrack, neighbors: &PointNeighbors) -> f64 {
     let (first, rows) = (track.first(), neighbors.rows());
     if first.is_empty() || rows.len() != first.len() {
         return 0.0;
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn rigid_motion_has_none_and_scaling_its_factor() {
+    fn rigid_motion_gives_zero_and_scaling_its_factor() {
         let turned = track(|t, [x, y, z]| {
             let (sin, cos) = (0.4 * t as f32).sin_cos();
             [cos * x - sin * y + t as f32, sin * x + cos * y, z]
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn shaking_shows() {
+    fn shaking_gives_a_positive_value() {
         let shaking = track(|t, [x, y, z]| {
             let odd = (t as f32 + x + y) % 2.0 > 0.5;
             let sign = if odd { -0.1 } else { 0.1 };

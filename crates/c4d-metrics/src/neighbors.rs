@@ -1,22 +1,23 @@
-//! [`Neighbors`]: nearest neighbours within a point cloud.
+//! [`PointNeighbors`]: nearest neighbours within a point cloud.
 //!
-//! With `kiddo`, not with `anchors`: these metrics judge methods that use the search of `anchors`,
-//! whose errors must not cancel in the comparison.
+//! Uses `kiddo`, not `anchors`: these metrics measure methods that use the search of `anchors`, whose
+//! errors must not cancel in the comparison.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// Nearest neighbours of each point.
+/// Nearest neighbours of each point of a cloud, by Euclidean distance.
 #[derive(Debug, Clone, Default)]
-pub struct Neighbors {
-    /// `[N]`, each with at most the requested number, nearest first, without the point itself.
+pub struct PointNeighbors {
+    /// Rows of the neighbours, `[N]` lists of at most the requested number, nearest first, without the
+    /// point itself.
     of: Vec<Vec<u32>>,
 }
 
-impl Neighbors {
-    /// The `count` nearest neighbours of each of `points`; none if there are at most `count`
-    /// points, or if no tree can be built.
+impl PointNeighbors {
+    /// The `count` nearest neighbours of each of `points`, `[N]` in any unit. Empty if there are at
+    /// most `count` points, or if the points cannot be indexed (not finite).
     pub fn of(points: &[[f32; 3]], count: usize) -> Self {
         let Some(query) = NonZero::new(count + 1).filter(|_| points.len() > count) else {
             return Self::default();
@@ -36,14 +37,14 @@ impl Neighbors {
         Self { of }
     }
 
-    /// Neighbours of each point, `[N]`; empty if there are none.
+    /// Rows of the neighbours of each point, `[N]`, nearest first; empty if there are none.
     pub fn rows(&self) -> &[Vec<u32>] {
         &self.of
     }
 }
 
-/// Index of the nearest of `among` for each of `points`, `[N]`; `None` if `among` is empty or no
-/// tree can be built.
+/// Row of the nearest of `among` for each of `points`, `[N]`, by Euclidean distance. `None` if `among`
+/// is empty or cannot be indexed.
 pub fn nearest(points: &[[f32; 3]], among: &[[f32; 3]]) -> Option<Vec<u32>> {
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(among).ok()?;
     let one = NonZero::new(1).filter(|_| !among.is_empty())?;

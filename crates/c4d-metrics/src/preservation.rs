@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inside_and_outside_are_told_apart() {
+    fn pixels_inside_and_outside_the_mask_are_separated() {
         let before = Image::from_data(4, 1, 1, vec![0.5; 4]).unwrap();
         let after = Image::from_data(4, 1, 1, vec![0.5, 0.6, 0.9, 0.5]).unwrap();
         let mask = [false, false, true, true];

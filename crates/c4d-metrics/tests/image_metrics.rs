@@ -49,16 +49,18 @@ fn flip_equals_the_reference() {
     for line in lines {
         let [reference, test] = pair_of(&line);
         let mean = flip(&test, &reference).unwrap();
-        assert!((mean - line[4]).abs() < 1e-5, "{line:?}: mean {mean}");
+        // worst seen 3.5e-7
+        assert!((mean - line[4]).abs() < 1e-6, "{line:?}: mean {mean}");
         let map = flip_map(&test, &reference, FLIP_PIXELS_PER_DEGREE).unwrap();
         let step = (map.data.len() / 5).max(1);
         for (k, expected) in line[5..].iter().enumerate() {
             let ours = f64::from(map.data[k * step]);
-            assert!((ours - expected).abs() < 1e-4, "{line:?}: value {k} is {ours}");
+            // worst seen 7.3e-7
+            assert!((ours - expected).abs() < 2e-6, "{line:?}: value {k} is {ours}");
         }
         let off = flip_map(&test, &reference, 0.9 * FLIP_PIXELS_PER_DEGREE).unwrap();
         let mean_off = off.data.iter().map(|&v| f64::from(v)).sum::<f64>() / off.data.len() as f64;
-        assert!((mean_off - line[4]).abs() > 1e-4, "another distance to the screen differs");
+        assert!((mean_off - line[4]).abs() > 1e-4, "a different distance to the screen differs");
     }
 }
 
@@ -69,12 +71,13 @@ fn ms_ssim_equals_the_reference() {
     for line in lines {
         let [x, y] = pair_of(&line);
         let value = ms_ssim(&x, &y).unwrap();
-        assert!((value - line[4]).abs() < 1e-5, "{line:?}: {value}");
+        // worst seen 1.5e-6
+        assert!((value - line[4]).abs() < 4e-6, "{line:?}: {value}");
     }
 }
 
 #[test]
-fn equal_images_are_perfect_and_others_are_refused() {
+fn equal_images_score_perfectly_and_invalid_ones_are_refused() {
     let [x, y] = pair(180, 176, 9, 0.3);
     assert_eq!(flip(&x, &x), Some(0.0), "flip");
     assert_eq!(psnr(&x, &x), Some(100.0), "psnr");
@@ -82,7 +85,7 @@ fn equal_images_are_perfect_and_others_are_refused() {
     assert!(flip(&x, &y).unwrap() > 0.05, "they differ");
     let small = pair(100, 176, 9, 0.3);
     assert_eq!(ms_ssim(&small[0], &small[1]), None, "too small for five scales");
-    assert_eq!(flip(&x, &small[0]), None, "another size");
+    assert_eq!(flip(&x, &small[0]), None, "a different size");
     let grey = Image::zeros(180, 176, 1);
     assert_eq!(flip(&grey, &grey), None, "no colours");
 }

@@ -37,7 +37,7 @@ fn ssim_equals_scikit_image() {
 fn ssim_of_equal_images_is_one_even_at_the_border() {
     let [x, _] = noise_pair([17, 9, 3], 5, 0.0);
     let mut ssim = Ssim::new(17, 9, 3);
-    assert!((ssim.value(&x, &x, SsimBorder::Zero) - 1.0).abs() < 1e-12, "mean");
+    assert!((ssim.value(&x, &x, SsimBorder::Zero) - 1.0).abs() < 1e-14, "mean");
     let mut v_x = vec![0.0; x.len()];
     let loss = ssim.loss(&x, &x, 1.0, 1.0, &mut v_x, None);
     assert!(loss.abs() < 1e-10 && v_x.iter().all(|g| g.abs() < 1e-9), "a minimum: {loss}");
@@ -71,6 +71,6 @@ fn ssim_gradient_is_the_difference_quotient() {
             1.0 - Ssim::new(w, h, c).value(x, &y, SsimBorder::Zero)
         });
         // worst seen 1.4e-9 of the largest entry
-        assert!((v_x[k] - numeric).abs() < 1e-8 * largest, "{k}: {} {numeric}", v_x[k]);
+        assert!((v_x[k] - numeric).abs() < 3e-9 * largest, "{k}: {} {numeric}", v_x[k]);
     }
 }

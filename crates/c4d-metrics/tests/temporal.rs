@@ -54,7 +54,7 @@ fn measured(video: &[Image], step: (f32, f32)) -> [f64; 3] {
     for frame in video {
         still.add(frame);
     }
-    still.leave_out_moving(&flow);
+    still.exclude_moving(&flow);
     for pair in video.windows(2) {
         difference += mean_absolute_difference(&pair[0], &pair[1]).unwrap();
         error += warp_error(&pair[0], &pair[1], &flow, &visible).unwrap();
@@ -70,12 +70,12 @@ fn constant_and_alternating_videos() {
     assert_eq!(measured(&constant, (0.0, 0.0)), [1.0, 0.0, 0.0], "constant");
     let alternating: Vec<Image> = (0..4_u8).map(|t| flat(f32::from(t % 2))).collect();
     let [flicker, still, error] = measured(&alternating, (0.0, 0.0));
-    assert_eq!([flicker, error], [0.0, 1.0], "black and white in turn");
+    assert_eq!([flicker, error], [0.0, 1.0], "black and white alternate");
     assert!((still - 127.5).abs() < 1e-9, "half of the range: {still}");
 }
 
 #[test]
-fn an_exact_flow_explains_a_shift() {
+fn the_exact_flow_of_a_shift_has_no_warp_error() {
     let (a, b) = (texture(0.0, 0.0), texture(3.0, -2.0));
     let (flow, back) = (uniform(3.0, -2.0), uniform(-3.0, 2.0));
     let visible = flow.visible(&back);
@@ -91,7 +91,7 @@ fn an_exact_flow_explains_a_shift() {
 }
 
 #[test]
-fn occluded_and_boundary_pixels_are_left_out() {
+fn occluded_and_boundary_pixels_are_excluded() {
     // The left half moves by 4 pixels and occludes a part of the static right half.
     let mut forth = Image::zeros(SIZE.0, SIZE.1, 2);
     let mut back = forth.clone();
@@ -113,7 +113,7 @@ fn occluded_and_boundary_pixels_are_left_out() {
 }
 
 #[test]
-fn noise_worsens_all_three() {
+fn noise_increases_all_three_metrics() {
     let clean: Vec<Image> = (0..5).map(|_| texture(0.0, 0.0)).collect();
     let noise: Vec<Image> = clean.iter().enumerate().map(|(t, f)| noisy(f, 2.0, t)).collect();
     let (clean, noise) = (measured(&clean, (0.0, 0.0)), measured(&noise, (0.0, 0.0)));
@@ -123,18 +123,18 @@ fn noise_worsens_all_three() {
 }
 
 #[test]
-fn what_moves_or_is_unknown_is_not_still() {
+fn moving_and_unknown_pixels_are_not_static() {
     let mut still = StaticFlicker::default();
     still.add(&flat(0.0));
     still.add(&flat(1.0));
-    still.leave_out_moving(&uniform(0.2, 0.0));
+    still.exclude_moving(&uniform(0.2, 0.0));
     assert!(still.value().is_some(), "slow enough");
-    still.leave_out_moving(&uniform(0.2, 0.2));
+    still.exclude_moving(&uniform(0.2, 0.2));
     assert_eq!(still.value(), None, "moves");
     let mut unknown = StaticFlicker::default();
     unknown.add(&flat(0.0));
     unknown.add(&flat(1.0));
-    unknown.leave_out_moving(&uniform(f32::NAN, f32::NAN));
+    unknown.exclude_moving(&uniform(f32::NAN, f32::NAN));
     assert_eq!(unknown.value(), None, "unknown");
 }
 

@@ -43,7 +43,7 @@ fn stage(c: &mut Criterion) {
     let cameras = scene.orbit_cameras(6, 160, 120);
     let times = TimeRange::UNIT.frames(9);
     let views = Views { cameras: &cameras, times: &times, held_out: &[] };
-    for (name, passes) in [("make 20 images", 0), ("make 20 images and visit each twice", 2)] {
+    for (name, passes) in [("make 20 images", 0), ("make 20 images and evaluate each twice", 2)] {
         let solver = Solver::Regression(RegressionParams { passes, ..RegressionParams::default() });
         let options = RefineOptions {
             samples: 20,

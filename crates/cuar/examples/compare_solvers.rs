@@ -175,7 +175,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let [target, before, count] = judge.sums;
         let psnr = |sum: f64| -10.0 * (sum / count.max(1.0)).log10();
         println!(
-            "supervision of the {name} warp: {:.2} dB against the truth, on {:.0} % of the mask; render before refinement: {:.2} dB",
+            "supervision of the {name} warp: {:.2} dB relative to the ground truth, on {:.0} % of the mask; render before refinement: {:.2} dB",
             psnr(target),
             100.0 * report.supervision.supervised() as f64
                 / report.supervision.masked.max(1) as f64,

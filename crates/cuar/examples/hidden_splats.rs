@@ -1,6 +1,6 @@
 //! Effect of the evidence if an image editor missed splats that frame 1 hides: PSNR against the
 //! true edit at held-out views, in pixels that motion reveals and elsewhere, inside the paper's
-//! mask and outside it; also checks the limits of `tests/suite/common/bars.rs`.
+//! mask and outside it; also checks the limits of `tests/suite/common/limits.rs`.
 //!
 //! `cargo run --release --example hidden_splats [brief | cases | large | ablation | picture FILE]`;
 //! `brief` has fewer splats, `picture` draws a crop before and after.
@@ -14,8 +14,8 @@
 #[path = "../tests/suite/common/mod.rs"]
 mod common;
 
-use common::bars;
 use common::delivered::{Judge, cases, delivered, rings, with_unseen_sh, wrong_rows};
+use common::limits;
 use cuar::{
     AdamParams, Evidence, EvidenceParams, RefineOptions, RefinePreset, Repair, Solver, WarpForm,
 };
@@ -61,11 +61,11 @@ fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
             let repair = Repair::of(&evidence, RefineOptions::default().min_uncertainty);
             let secs = clock.elapsed().as_secs_f64();
             let repaired = repair.scene(scene);
-            let (then, now, mut missed) = bars::judged(&case, &repaired, &EVAL);
+            let (then, now, mut missed) = limits::judged(&case, &repaired, &EVAL);
             if form == "perfect" {
-                missed.extend(bars::broken_perfect(then, now));
+                missed.extend(limits::broken_perfect(then, now));
             } else if then[0] < 100.0 {
-                missed.extend(bars::broken_flicker(&case, &repaired));
+                missed.extend(limits::broken_flicker(&case, &repaired));
                 gains.push(now[0] - then[0]);
             }
             let found = wrong_rows(&case).map_or_else(String::new, |wrong| {
@@ -73,27 +73,27 @@ fn table(num_splats: usize, size: (u32, u32)) -> Result<(), Box<dyn Error>> {
                 format!("; {} wrong, {right} found", wrong.iter().filter(|wrong| **wrong).count())
             });
             println!(
-                "{name}, {form}: revealed {:.2} → {:.2}, elsewhere {:.2} → {:.2}{found}; {} recoloured, {} faded, {} undecided; {secs:.2} s",
+                "{name}, {form}: revealed {:.2} → {:.2}, elsewhere {:.2} → {:.2}{found}; {} recoloured, {} faded, {} ambiguous; {secs:.2} s",
                 then[0],
                 now[0],
                 then[1],
                 now[1],
                 repair.rows.len(),
                 repair.faded.len(),
-                evidence.num_undecided,
+                evidence.num_ambiguous,
             );
-            broken.extend(missed.into_iter().map(|bar| format!("{name}, {form}: {bar}")));
+            broken.extend(missed.into_iter().map(|limit| format!("{name}, {form}: {limit}")));
         }
     }
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
     println!("revealed: {mean:+.2} dB in the mean of {} cases", gains.len());
-    if mean < bars::MEAN_GAIN {
+    if mean < limits::MEAN_GAIN {
         broken.push(format!("{mean:.2} dB in the mean"));
     }
-    for bar in &broken {
-        println!("broken: {bar}");
+    for limit in &broken {
+        println!("violated: {limit}");
     }
-    if broken.is_empty() { Ok(()) } else { Err("not every bar holds".into()) }
+    if broken.is_empty() { Ok(()) } else { Err("limits are violated".into()) }
 }
 
 /// Hidden splats and view dependence together: ξ, evidence, both; solvers; the paper's warp.
@@ -131,9 +131,9 @@ fn ablation() -> Result<(), Box<dyn Error>> {
     let repair = Repair::of(&evidence, best.min_uncertainty);
     let show = |name: &str, scene: &dyn DynamicScene, secs: f64| {
         let now = judge.score(scene).db();
-        let broken = [bars::broken(then, now), bars::broken_flicker(&case, scene)].concat();
+        let broken = [limits::broken(then, now), limits::broken_flicker(&case, scene)].concat();
         println!(
-            "{name}: revealed {:+.2}, elsewhere {:+.2}, mask {:+.2}, outside {:+.2} dB; {secs:.1} s; broken bars: {broken:?}",
+            "{name}: revealed {:+.2}, elsewhere {:+.2}, mask {:+.2}, outside {:+.2} dB; {secs:.1} s; violated limits: {broken:?}",
             now[0] - then[0],
             now[1] - then[1],
             now[2] - then[2],

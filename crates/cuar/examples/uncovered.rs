@@ -2,8 +2,8 @@
 //! the edited frame.
 //!
 //! From left to right: the edited frame; the later frame before refinement, which is the ground
-//! truth; after refinement; after refinement without the occlusion test, which gives the wall the
-//! colour of the board.
+//! truth; after refinement; after refinement without the occlusion test, which paints the wall in
+//! the colour of the board.
 //!
 //! `cargo run --release -p cuar --example uncovered [uncovered.png]`
 #![expect(clippy::print_stdout, reason = "prints its results")]

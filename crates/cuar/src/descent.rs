@@ -71,7 +71,7 @@ impl Descent {
         let rates = rates(params, coeffs);
         let mut gradient = vec![0.0_f32; self.d_sh.len() * 3];
         for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
-            let s = visited(problem.options.seed, step, count);
+            let s = image_of_step(problem.options.seed, step, count);
             let evaluated = problem.evaluate(s..s + 1, &self.d_sh, Derivatives::Gradient)?;
             let parts = evaluated.into_iter().next().unwrap_or_default();
             gradient.fill(0.0);
@@ -122,7 +122,7 @@ impl Descent {
         let mut pending = Vec::new();
         let mut last_read = Instant::now();
         for step in usize::try_from(self.adam.step).unwrap_or(usize::MAX)..params.steps {
-            let s = visited(problem.options.seed, step, count);
+            let s = image_of_step(problem.options.seed, step, count);
             let (raster, sample) = (problem.raster, &mut problem.samples[s]);
             let camera = &problem.cameras[sample.at.view];
             problem.lanes[0].step_on(engine, raster, (s, sample), camera)?;
@@ -152,15 +152,15 @@ impl Descent {
         Ok(engine.read(&mut self.d_sh, &mut self.adam)?)
     }
 
-    /// Mean over the images visited so far; NaN before the first.
+    /// Mean over the images evaluated so far; NaN before the first.
     fn loss(&self) -> f64 {
         let known = self.losses.iter().filter(|loss| !loss.is_nan());
         known.clone().sum::<f64>() / known.count() as f64
     }
 }
 
-/// The image of a step. Every pass over the images has a different order.
-fn visited(seed: u64, step: usize, count: usize) -> usize {
+/// Index of the image of a step. Every pass over the images has a different order.
+fn image_of_step(seed: u64, step: usize, count: usize) -> usize {
     SplitMix64::new(seed ^ ((step / count) as u64 + 1)).order(count)[step % count]
 }
 

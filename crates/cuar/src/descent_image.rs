@@ -1,6 +1,6 @@
 //! [`DescentImage`]: one supervised image, the input of a step of Adam.
 
-/// Rectangle of the image, pixels.
+/// Rectangle of an image, pixels; (0, 0) is the top left pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Crop {
     /// First column.
@@ -13,16 +13,16 @@ pub struct Crop {
     pub height: usize,
 }
 
-/// An edited splat in an image.
+/// An edited splat that is visible in an image.
 #[derive(Debug, Clone, Copy)]
 pub struct Entry {
     /// Row among the image's splats.
     pub local: u32,
     /// Row among the edited splats.
     pub row: u32,
-    /// Unit vector from the camera, world frame.
+    /// Unit vector from the camera centre to the splat, world frame.
     pub towards: [f32; 3],
-    /// Colour before refinement, not clamped.
+    /// Colour towards the camera before refinement, RGB, not clamped at 0.
     pub color: [f32; 3],
     /// Whether this image constrains the splat's colour. If false, residuals of the pixel are
     /// attributed to splats that are not visible in frame 1.
@@ -33,19 +33,19 @@ pub struct Entry {
 /// edited splats reach. Its content is the same in every step with the same `index`.
 #[derive(Debug, Clone, Copy)]
 pub struct DescentImage<'a> {
-    /// Number of the image.
+    /// Index of the image, stable over the run.
     pub index: usize,
-    /// Columns and rows of the whole image, over which losses are means.
+    /// `[W, H]` of the whole image, pixels; losses are means over it.
     pub size: [usize; 2],
-    /// The rectangle of the arrays below.
+    /// The rectangle of the arrays below, whose shape is `h` = its height by `w` = its width.
     pub crop: Crop,
-    /// Render without offsets, `[h,w,3]`.
+    /// Render without offsets, RGB, 0 to 1, `[h,w,3]`.
     pub original: &'a [f32],
-    /// Target where [`DescentImage::FORE`] is set, `[h,w,3]`.
+    /// Target where [`DescentImage::FORE`] is set, RGB, 0 to 1, `[h,w,3]`.
     pub warp: &'a [f32],
     /// Bits [`DescentImage::FORE`], [`DescentImage::BACK`] and [`DescentImage::LIVE`], `[h,w]`.
     pub flags: &'a [u8],
-    /// The visible edited splats, each once.
+    /// The visible edited splats, ascending by row, each once.
     pub entries: &'a [Entry],
 }
 

@@ -8,9 +8,9 @@ use gs_fit::Adam;
 /// The task of a [`DescentEngine`].
 #[derive(Debug, Clone, Copy)]
 pub struct DescentTask<'a> {
-    /// Degree of the offsets.
+    /// SH degree of the offsets.
     pub sh_degree: usize,
-    /// Learning rate per column of the offsets, `[3K]`.
+    /// Learning rate per column of the offsets, `[3K]` (K coefficients of three channels).
     pub rates: &'a [f32],
     /// η and ζ.
     pub weights: LossWeights,

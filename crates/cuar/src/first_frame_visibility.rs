@@ -1,8 +1,8 @@
 //! How visible each splat is in frame 1.
 //!
 //! Where broad splats overlap, the composited depth is not a surface, so no colour can be sampled
-//! from frame 1. But the colour of a splat that is visible in frame 1 is known, and so is the
-//! colour of a pixel composited from such splats, without resampling.
+//! from frame 1. But the colour of a splat that is visible in frame 1 is known. So is the colour of
+//! a pixel composited from such splats, without resampling.
 
 use crate::CuarError;
 use gs_core::{
@@ -66,8 +66,8 @@ pub fn first_frame_shares<R: Rasterizer>(
     survey(raster, splats, cameras, &[]).map(|(shares, _)| shares)
 }
 
-/// As [`first_frame_shares`]; also returns which of `places` (position and radius, world units) are
-/// hidden by `splats` from every camera.
+/// As [`first_frame_shares`]; also returns which of the `places` (position and radius, world units)
+/// `splats` hide from every camera.
 pub(crate) fn survey<R: Rasterizer>(
     raster: &R,
     splats: &Splats,
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unoccluded_splat_is_shown_whole_and_one_behind_it_in_part() {
+    fn unoccluded_splats_have_share_one_and_occluded_ones_less() {
         let splats = three();
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.9, 160, 120);
         let raster = CpuRasterizer::default();
@@ -152,11 +152,11 @@ mod tests {
         let shown = visibility(&splats, &weights, &camera, 1.0);
         // 2 % for the tails beyond 3σ and the rounding to whole pixels
         assert!((shown[0] - 1.0).abs() < 0.02 && (shown[2] - 1.0).abs() < 0.02, "{shown:?}");
-        assert!((0.2..0.8).contains(&shown[1]), "behind the first: {shown:?}");
+        assert!((0.2..0.8).contains(&shown[1]), "partly occluded: {shown:?}");
     }
 
     #[test]
-    fn what_was_faint_in_frame_1_is_not_shown_by_it() {
+    fn splats_faint_in_frame_1_have_share_zero() {
         let mut splats = three();
         let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.9, 160, 120);
         splats.opacity_logits[2] = 5.0;
@@ -164,7 +164,7 @@ mod tests {
         let share = 0.01 * unoccluded_weight(&splats, 2, &camera);
         #[expect(clippy::cast_possible_truncation, reason = "a test's number")]
         let shown = visibility(&splats, &[0.0, 0.0, share as f32], &camera, 0.1);
-        assert_eq!(shown[..2], [0.0; 2], "not seen");
+        assert_eq!(shown[..2], [0.0; 2], "not visible");
         assert!((shown[2] - 0.1).abs() < 1e-4, "{shown:?}");
     }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Flow {
     /// `Σ f α T`, pixels, x right and y down, `[H,W,2]`. As in the paper, **not** divided by
-    /// coverage, so it shrinks towards 0 where splats cover a pixel in part.
+    /// coverage, so it decreases towards 0 where splats cover a pixel only in part.
     pub flow: Image,
     /// `Σ α T = 1 − T_final`, `[H,W,1]`.
     pub coverage: Image,
@@ -50,9 +50,9 @@ pub fn displacements(
         .collect())
 }
 
-/// Motion of one splat on screen.
+/// Motion of one splat on the image plane.
 struct Displacement {
-    /// Pixels.
+    /// Displacement, pixels.
     by: [f32; 2],
 }
 
@@ -67,7 +67,7 @@ fn displacement(camera: &Camera, from: [f32; 3], to: [f32; 3]) -> Option<Displac
     moved.by.iter().all(|value| value.is_finite()).then_some(moved)
 }
 
-/// Position at another time of the point of a splat that is visible at pixel `p`:
+/// Position, at a different time, of the point of a splat that is visible at pixel `p`:
 /// `p ↦ shift + linear·p`, pixels.
 pub(crate) struct AffineMotion {
     pub shift: [f32; 2],
@@ -81,7 +81,7 @@ const AFFINE_EPS: f64 = 0.1;
 
 /// Motion of row `i` from `from` to `to`, to first order in the distance from its centre: the axes
 /// of the splat rotate and stretch. The point of the splat at a pixel is the expected one under the
-/// Gaussian, so with `K = J·R·S` (2×3, axes in pixels) the linear part is
+/// Gaussian. With `K = J·R·S` (2×3, axes in pixels), the linear part is therefore
 /// `K_to K_fromᵀ (K_from K_fromᵀ)⁻¹`. Displacements of centres alone (Eq. 11) have an error of the
 /// rotation times the splat's size.
 pub(crate) fn affine_motion(
@@ -132,7 +132,7 @@ pub(crate) fn affine_motion(
     finite.then_some(motion)
 }
 
-/// Pixels and camera depth.
+/// Position, pixels, and camera depth, world units.
 fn project(camera: &Camera, mean: [f32; 3]) -> Option<([f64; 2], f64)> {
     let [x, y, z] = camera.to_camera(mean.map(f64::from));
     let k = &camera.intrinsics;

@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn other_images_are_refused() {
+    fn images_of_other_shapes_are_refused() {
         assert!(encode_flo(&Image::zeros(3, 2, 3)).is_err(), "three channels");
         assert!(encode_flo(&Image::zeros(MAX_SIDE + 1, 1, 2)).is_err(), "too wide");
     }

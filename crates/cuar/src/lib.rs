@@ -48,7 +48,7 @@ mod fingerprint;
 mod first_frame_visibility;
 mod flow;
 mod flow_files;
-mod kept;
+
 pub mod loss;
 mod normal_equations;
 mod observer;
@@ -66,6 +66,7 @@ mod scene;
 mod solve;
 mod splat_visibility;
 mod state;
+mod stored_image;
 mod supervision;
 mod supervision_stats;
 mod uncertainty;

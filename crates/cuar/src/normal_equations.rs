@@ -117,7 +117,8 @@ impl NormalEquations {
     }
 }
 
-/// Ridge on every change, relative to the total weight. It keeps unobserved directions unchanged.
+/// Ridge on every change, relative to the total weight. It keeps colours in unobserved directions
+/// unchanged.
 const CONDITIONING: f64 = 1e-6;
 
 /// Solves `(gram + diag(ridge))·X = x` for three right-hand sides `x`; `None` if the system is not

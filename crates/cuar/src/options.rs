@@ -9,7 +9,7 @@ pub enum RefinePreset {
     /// The options with the smallest measured error against known truth; those of
     /// [`RefineOptions::default`].
     #[default]
-    Best,
+    Default,
     /// The paper's formulas and constants: Adam, Eq. 13 as written, no floor under the mask.
     Paper,
 }
@@ -40,12 +40,12 @@ pub struct RegressionParams {
     pub delta: f64,
     /// Over-relaxation of the observed colours, in (0, 2). Default 1.5.
     pub relaxation: f64,
-    /// Weight of a splat's colours in the edited frame, relative to the weight that the background
-    /// loss gives the same pixels; lower for splats that are hardly visible there. These colours
-    /// are correct by definition, and pixels alone do not separate those of neighbours. Default
-    /// 1000; 0 treats the edited frame like any other image. No effect unless the edited frame is
-    /// among the images.
-    pub hold: f64,
+    /// Weight of the term that keeps a splat at its colours in the edited frame, relative to the
+    /// weight of the same pixels in the background loss; lower for splats that are barely visible
+    /// there. These colours are correct by definition, and pixels alone do not separate the colours
+    /// of neighbours. Default 1000; 0 treats the edited frame like any other image. No effect unless
+    /// the edited frame is among the images.
+    pub anchor_weight: f64,
     /// Smoothness over directions: ridge on the refined coefficients of degree `l`, relative to the
     /// weight of the splat's observations: `prior · l²` times the share of images in which the
     /// splat's ξ exceeds the mask's threshold (and, on the change of DC, a thousandth of `prior`).
@@ -57,11 +57,11 @@ pub struct RegressionParams {
 
 impl Default for RegressionParams {
     fn default() -> Self {
-        Self { passes: 8, delta: 0.01, relaxation: 1.5, hold: 1000.0, prior: 0.03 }
+        Self { passes: 8, delta: 0.01, relaxation: 1.5, anchor_weight: 1000.0, prior: 0.03 }
     }
 }
 
-/// The Adam solver. The paper names neither optimiser nor rates; these are 3DGS's for SH.
+/// The Adam solver. The paper states neither optimiser nor rates; these are those of 3DGS for SH.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AdamParams {
     /// Steps, one image each. Default 3000.
@@ -103,15 +103,15 @@ pub struct RefineOptions {
     /// differs by less than 0.5 dB in seven cases, and 60 is within 0.4 dB of the best in each
     /// (`docs/BENCHMARKS.md`). 240 for the paper's preset, which draws one at each step.
     pub samples: usize,
-    /// Whether the edited frame, from every view (at most 20 of the cameras with a time), is among
-    /// the images, so that it keeps its colours. Default true; false in the paper.
+    /// Whether the edited frame is among the images, from every view (but at most 20 of the cameras
+    /// with a time), so that it keeps its colours. Default true; false in the paper.
     pub keep_first_frame: bool,
-    /// Seed of the draw and of the order of steps. Default 0.
+    /// Random seed of the drawn images and of the order of steps. Default 0.
     pub seed: u64,
     /// Memory for images and prepared states, bytes. States that do not fit are prepared again at
     /// every evaluation; if the images do not fit, fewer are drawn. Default 2 GiB.
     pub memory: usize,
-    /// Background of the renders. Default black.
+    /// Background of the renders, RGB, 0 to 1. Default black.
     pub background: [f64; 3],
     /// Minimum seconds between two previews. Default `None`: no previews.
     pub preview_secs: Option<f64>,
@@ -145,7 +145,7 @@ impl RefineOptions {
     /// The options of a preset.
     pub fn preset(preset: RefinePreset) -> Self {
         match preset {
-            RefinePreset::Best => Self::default(),
+            RefinePreset::Default => Self::default(),
             RefinePreset::Paper => Self {
                 min_uncertainty: 0.0,
                 warp: WarpForm::Paper,
@@ -197,7 +197,7 @@ impl RefineOptions {
         match &self.solver {
             Solver::Regression(params) => {
                 within("passes", params.passes as f64, 0.0, 1e6)?;
-                within("hold", params.hold, 0.0, 1e9)?;
+                within("anchor_weight", params.anchor_weight, 0.0, 1e9)?;
                 within("delta", params.delta, 1e-6, 1.0)?;
                 within("relaxation", params.relaxation, 1e-3, 1.999)?;
                 within("prior", params.prior, 0.0, 1e6)?;

@@ -146,8 +146,9 @@ impl<R: Rasterizer<Prepared: Send> + Sync> Problem<'_, R> {
 
 /// One point of the loss curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct TracePoint {
-    /// Seconds since the solver started.
+    /// Wall-clock seconds since the solver started.
     pub secs: f64,
     /// Completed steps.
     pub step: u64,
@@ -247,12 +248,12 @@ impl<'a> Watch<'a> {
         self.observer.begin_images(fingerprint);
     }
 
-    pub(crate) fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
-        self.observer.kept_image(at)
+    pub(crate) fn stored_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+        self.observer.stored_image(at)
     }
 
-    pub(crate) fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
-        self.observer.keep_image(at, bytes);
+    pub(crate) fn store_image(&mut self, at: ViewTime, bytes: &[u8]) {
+        self.observer.store_image(at, bytes);
     }
 
     /// Ends the run if it was cancelled, for stages without a state.

@@ -12,7 +12,7 @@ pub(crate) fn push_forward(
     let (w, h) = (frame.width, frame.height);
     let depth_of = |p: usize| match landing[p * 3 + 2] / coverage[p] {
         z if coverage[p] > 0.0 && z.is_finite() => z,
-        // nothing but background
+        // only background
         _ => f32::MAX,
     };
     let mut nearest = vec![f32::INFINITY; w * h];
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pushing_by_whole_pixels_shifts_and_the_nearest_hides_the_others() {
+    fn whole_pixel_motion_shifts_and_the_nearest_pixel_occludes() {
         let frame = FirstFrame::ramp();
         let params = WarpParams::default();
         let mut landing = [3.0, -2.0, 4.0].repeat(12 * 9);
@@ -85,13 +85,19 @@ mod tests {
         let (rgb, valid) = push_forward(&frame, (&landing, &coverage), &params);
         let at = |x: usize, y: usize| (y * 12 + x) * 3;
         assert!((rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6, "moved right and up");
-        assert_eq!(valid[3 * 12 + 1], 0.0, "nothing came here");
-        // a nearer pixel that stays where it is
+        assert_eq!(valid[3 * 12 + 1], 0.0, "no pixel arrives here");
+        // a nearer pixel that does not move
         landing[at(5, 3)..at(5, 3) + 3].copy_from_slice(&[0.0, 0.0, 2.0]);
         let (rgb, _) = push_forward(&frame, (&landing, &coverage), &params);
-        assert!((rgb[at(5, 3)] - frame.rgb[at(5, 3)]).abs() < 1e-6, "in front of what came");
+        assert!(
+            (rgb[at(5, 3)] - frame.rgb[at(5, 3)]).abs() < 1e-6,
+            "in front of the pixel that arrives"
+        );
         landing[at(5, 3) + 2] = 6.0;
         let (rgb, _) = push_forward(&frame, (&landing, &coverage), &params);
-        assert!((rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6, "behind what came");
+        assert!(
+            (rgb[at(5, 3)] - frame.rgb[at(2, 5)]).abs() < 1e-6,
+            "behind the pixel that arrives"
+        );
     }
 }

@@ -20,6 +20,7 @@ use std::time::Instant;
 
 /// Result of a refinement.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Refined {
     /// Rows that may have changed: the edited ones, ascending.
     pub rows: Vec<u32>,
@@ -27,7 +28,7 @@ pub struct Refined {
     pub sh: Vec<[f32; 3]>,
     /// Offset of SH, the same at every time, `[rows,K,3]`.
     pub d_sh: Vec<[f32; 3]>,
-    /// Rows that fade: remains of deleted objects ([`crate::refine_edit()`]); ascending, among
+    /// Rows that fade: remnants of deleted objects ([`crate::refine_edit()`]); ascending, among
     /// `rows`.
     pub faded: Vec<u32>,
     /// Counts, losses, timings and warnings.
@@ -59,7 +60,7 @@ impl Refined {
 ///
 /// # Errors
 /// If inputs are inconsistent or out of range, the scene or the rasteriser fails, the state is from
-/// another run, or the observer cancels.
+/// a different run, or the observer cancels.
 pub fn refine<R: Rasterizer<Prepared: Send> + Sync>(
     raster: &R,
     scene: &dyn DynamicScene,
@@ -89,7 +90,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
 ) -> Result<Refined, CuarError> {
     options.check()?;
     let Backend { raster, descent } = backend;
-    let Inputs { edit_time, first, rows, row_of, plan } =
+    let Inputs { edit_time, first, rows, row_of, drawn } =
         Inputs::of(scene, edited, views, options)?;
     let mut report = RefineReport { num_edited: rows.len(), ..RefineReport::default() };
 
@@ -97,18 +98,18 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     let num_lanes = num_lanes(views.cameras, options.memory);
     let source = Source { raster, options, edited, row_of: &row_of, first: &first };
     let mut stage = Supervision::new(scene, views, source, num_lanes);
-    let total = plan.samples.len() + plan.held_out.len();
+    let total = drawn.samples.len() + drawn.held_out.len();
     let inputs = fingerprint_of_inputs(&first, &rows, options, views.cameras);
     let mut watch = Watch::new(observer, options, "images", total, 0);
     watch.begin_images(inputs);
-    let mut samples = stage.build(&plan.samples, options.memory, 0, &mut watch, &mut report)?;
+    let mut samples = stage.build(&drawn.samples, options.memory, 0, &mut watch, &mut report)?;
     let stats = stage.stats;
     report.supervision = stats;
     report.num_floored = stage.num_floored;
     let share = |&[uncertain, seen]: &[u32; 2]| uncertain as f32 / seen.max(1) as f32;
     let uncertain_shares = stage.uncertain_counts.iter().map(share).collect();
     let held_out =
-        stage.build(&plan.held_out, usize::MAX, plan.samples.len(), &mut watch, &mut report)?;
+        stage.build(&drawn.held_out, usize::MAX, drawn.samples.len(), &mut watch, &mut report)?;
     drop(stage);
     report.samples = samples.iter().map(|sample| sample.at).collect();
     report.held_out = held_out.iter().map(|sample| sample.at).collect();
@@ -154,7 +155,7 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     if let Some(state) = resume.filter(|state| state.fingerprint != fingerprint) {
         return Err(CuarError::State {
             what: format!(
-                "it belongs to other inputs or options (fingerprint {:016x}, expected {fingerprint:016x})",
+                "it was saved with different inputs or options (fingerprint {:016x}, expected {fingerprint:016x})",
                 state.fingerprint
             ),
         });
@@ -203,12 +204,12 @@ pub fn refine_with<R: Rasterizer<Prepared: Send> + Sync>(
     [report.held_out_before, _, report.held_out_artifacts[0]] = loss_of(&mut problem, &zero)?;
     [report.held_out_after, _, report.held_out_artifacts[1]] = loss_of(&mut problem, &outcome)?;
     (report.loss_before, report.loss_after) = (before[0], after[0]);
-    // A warning, not an error. None if colours only change outside the mask: the earlier colours
-    // may be wrong.
+    // A warning, not an error. There is none if colours change only outside the mask, because the
+    // earlier colours may be wrong there.
     let [then, now] = report.held_out_artifacts;
     if now > then {
         report.warnings.push(format!(
-            "in held-out views, artifacts agree less with frame 1 than before (loss {then:.3e} to {now:.3e}): check the result in these views"
+            "in held-out views, artifacts differ more from frame 1 than before (loss {then:.3e} to {now:.3e}): check the result in these views"
         ));
     }
 
@@ -232,18 +233,18 @@ pub(crate) fn images_of<R: Rasterizer<Prepared: Send> + Sync>(
     share: &dyn Fn(usize) -> Range<usize>,
     observer: &mut dyn RefineObserver,
 ) -> Result<usize, CuarError> {
-    let Inputs { first, rows, row_of, mut plan, .. } = Inputs::of(scene, edited, views, options)?;
-    plan.samples.append(&mut plan.held_out);
-    let share = &plan.samples[share(plan.samples.len())];
+    let Inputs { first, rows, row_of, mut drawn, .. } = Inputs::of(scene, edited, views, options)?;
+    drawn.samples.append(&mut drawn.held_out);
+    let share = &drawn.samples[share(drawn.samples.len())];
     let source = Source { raster, options, edited, row_of: &row_of, first: &first };
     let lanes = num_lanes(views.cameras, options.memory);
     let mut watch = Watch::new(observer, options, "images", share.len(), 0);
     watch.begin_images(fingerprint_of_inputs(&first, &rows, options, views.cameras));
     Supervision::new(scene, views, source, lanes).keep(share, &mut watch)?;
-    Ok(plan.samples.len())
+    Ok(drawn.samples.len())
 }
 
-/// What a refinement derives from its arguments.
+/// Values that a refinement derives from its arguments.
 struct Inputs {
     edit_time: f32,
     /// The edited frame.
@@ -253,7 +254,7 @@ struct Inputs {
     /// Position of each splat among `rows`, or `u32::MAX`.
     row_of: Vec<u32>,
     /// Views and times of the images.
-    plan: DrawnViews,
+    drawn: DrawnViews,
 }
 
 impl Inputs {
@@ -271,8 +272,8 @@ impl Inputs {
         CuarError::check("edited", edited.len(), first.len())?;
         let (rows, row_of) = number(edited);
         let keep_first = options.keep_first_frame.then_some(edit_time);
-        let plan = views.draw(options.samples, keep_first, edit_time, options.seed);
-        Ok(Self { edit_time, first, rows, row_of, plan })
+        let drawn = views.draw(options.samples, keep_first, edit_time, options.seed);
+        Ok(Self { edit_time, first, rows, row_of, drawn })
     }
 }
 
@@ -280,11 +281,11 @@ impl Inputs {
 fn number(edited: &[bool]) -> (Vec<u32>, Vec<u32>) {
     let mut rows = Vec::new();
     let mut row_of = vec![u32::MAX; edited.len()];
-    for ((id, &edited), place) in (0_u32..).zip(edited).zip(&mut row_of) {
+    for ((id, &edited), row) in (0_u32..).zip(edited).zip(&mut row_of) {
         if edited {
             #[expect(clippy::cast_possible_truncation, reason = "fewer than the 32-bit ids")]
             let next = rows.len() as u32;
-            *place = next;
+            *row = next;
             rows.push(id);
         }
     }

@@ -62,8 +62,8 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
 }
 
 /// Makes the `share` of the supervised images of [`refine_edit`] and passes each to
-/// [`RefineObserver::keep_image`]; `share` receives their number and returns a range of it. A
-/// refinement whose observer returns these images from [`RefineObserver::kept_image`] has the same
+/// [`RefineObserver::store_image`]; `share` receives their number and returns a range of it. A
+/// refinement whose observer returns these images from [`RefineObserver::stored_image`] has the same
 /// result as one that makes them itself. Returns the number of images of all shares, 0 if no colour is uncertain.
 ///
 /// # Errors

@@ -52,7 +52,7 @@ pub(crate) struct Regression {
     last: f64,
     /// Weight of each entry in the samples of the edited frame, for the term that keeps its colour.
     frame_weights: Vec<Vec<f32>>,
-    /// Largest weight that an image of another time gave each splat in the first pass, `[E]`.
+    /// Largest weight of each splat over images of other times in the first pass, `[E]`.
     peaks: Vec<f32>,
     /// The part of each row's weight from the edited frame that exceeds that of an ordinary
     /// observation, `[E]`.
@@ -129,7 +129,7 @@ impl Regression {
         }
     }
 
-    /// Fits the last observations with another smoothness.
+    /// Fits the last observations with a different smoothness.
     pub(crate) fn refit<R: Rasterizer>(
         &self,
         problem: &Problem<R>,
@@ -163,7 +163,7 @@ impl Regression {
                 self.losses = [0.0; 2];
             }
             let group = problem.group(within);
-            let first = within >= count - problem.num_first && params.hold > 0.0;
+            let first = within >= count - problem.num_first && params.anchor_weight > 0.0;
             let derivatives = if first && pass > 0 {
                 Derivatives::Loss(params.delta)
             } else {
@@ -236,22 +236,22 @@ impl Regression {
         }
     }
 
-    /// Sets the weights of the terms that keep colours of the edited frame; low for splats that are
-    /// hardly visible there.
+    /// Sets the weights of the terms that keep the colours of the edited frame; they are low for
+    /// splats that are barely visible there.
     fn weigh_anchors<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
-        if params.hold <= 0.0 {
+        if params.anchor_weight <= 0.0 {
             return;
         }
         let later = problem.samples.len() - problem.num_first;
         #[expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
-        let hold = params.hold as f32;
+        let anchor_weight = params.anchor_weight as f32;
         for (weights, sample) in self.frame_weights.iter_mut().zip(&problem.samples[later..]) {
             for (anchored, entry) in weights.iter_mut().zip(&sample.entries) {
                 let row = entry.row as usize;
                 let peak = self.peaks[row].max(*anchored);
                 if peak > 0.0 {
                     let weight = *anchored;
-                    *anchored *= hold * (weight / (VISIBLE_SHARE * peak)).min(1.0);
+                    *anchored *= anchor_weight * (weight / (VISIBLE_SHARE * peak)).min(1.0);
                     self.anchor_weights[row] += f64::from((*anchored - weight).max(0.0));
                 }
             }
@@ -261,7 +261,7 @@ impl Regression {
     /// Ends a pass: every splat's least-squares fit.
     fn fit<R: Rasterizer>(&mut self, problem: &Problem<R>, params: &RegressionParams) {
         let later = problem.samples.len() - problem.num_first;
-        if params.hold > 0.0 {
+        if params.anchor_weight > 0.0 {
             for (weights, sample) in self.frame_weights.iter().zip(&problem.samples[later..]) {
                 let observed: Vec<Observation> =
                     weights.iter().map(|&w| [0.0, 0.0, 0.0, w]).collect();
@@ -285,7 +285,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clamped_colours_can_come_back() {
+    fn clamped_colours_can_become_positive_again() {
         let entries = [Entry {
             local: 0,
             row: 0,
@@ -294,7 +294,7 @@ mod tests {
             is_constrained: true,
         }];
         let observed = observations(&entries, &[[0.0; 3]], &[[-1.0, 1.0, 1.0, 10.0]], 1.0);
-        let expected = [0.6, 0.0, -0.1, 10.0]; // up from 0; stay; down
+        let expected = [0.6, 0.0, -0.1, 10.0]; // up from 0; unchanged; down
         for (ours, theirs) in observed[0].iter().zip(expected) {
             assert!((ours - theirs).abs() < 1e-6, "{observed:?}");
         }

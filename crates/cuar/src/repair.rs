@@ -18,8 +18,8 @@ pub struct Repair {
 impl Repair {
     /// The repair of rows with ξ′ above `min_uncertainty`.
     pub fn of(evidence: &Evidence, min_uncertainty: f32) -> Self {
-        let mut repair = Self { faded: evidence.ghosts.clone(), ..Self::default() };
-        for (row, change) in &evidence.lacking {
+        let mut repair = Self { faded: evidence.remnants.clone(), ..Self::default() };
+        for (row, change) in &evidence.missing_changes {
             if evidence.xi[*row as usize] > min_uncertainty {
                 repair.rows.push(*row);
                 repair.d_sh.extend(change);
@@ -50,18 +50,19 @@ impl Repair {
 
 /// Counts of a [`Repair`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct RepairCounts {
     /// Splats that frame 1 does not supervise.
     pub hidden: usize,
-    /// Of these, splats that got the change of colour of the surface around them.
+    /// Of these, splats that received the change of colour of the surrounding surface.
     pub recoloured: usize,
     /// Of the recoloured ones, splats that had a meaningless colour after the edit.
     pub meaningless: usize,
-    /// Of these, remains of deleted objects; they fade.
+    /// Of the hidden splats, remnants of deleted objects; they fade.
     pub faded: usize,
-    /// Of these, splats near a change that are not repaired, because their correct colour is
-    /// unknown.
-    pub undecided: usize,
+    /// Of the hidden splats, those near a change that are not repaired, because the surrounding
+    /// surface is ambiguous.
+    pub ambiguous: usize,
     /// Whether the edit itself changed hidden splats.
     pub reaches_hidden: bool,
 }
@@ -75,7 +76,7 @@ impl RepairCounts {
             recoloured: repair.rows.len(),
             meaningless: repair.rows.iter().filter(|row| is_meaningless(row)).count(),
             faded: repair.faded.len(),
-            undecided: evidence.num_undecided,
+            ambiguous: evidence.num_ambiguous,
             reaches_hidden: evidence.reaches_hidden,
         }
     }

@@ -217,8 +217,9 @@ impl<P> Builder<P> {
         let live: Vec<bool> = pixels.map(|sums| sums[EDITED] > 0.0).collect();
         let Some(crop) = bounding(&live, w, h) else { return Ok(None) };
 
-        let asked: Vec<bool> = mask.iter().zip(&live).map(|(mask, live)| *mask && *live).collect();
-        let (warp, pixel_sources) = self.warp(source, splats, camera, frame, &asked)?;
+        let selected: Vec<bool> =
+            mask.iter().zip(&live).map(|(mask, live)| *mask && *live).collect();
+        let (warp, pixel_sources) = self.warp(source, splats, camera, frame, &selected)?;
         let mut stats = SupervisionStats::default();
         let mut sample = Sample {
             at,
@@ -233,14 +234,14 @@ impl<P> Builder<P> {
         for y in crop.y..crop.y + crop.height {
             for p in y * w + crop.x..y * w + crop.x + crop.width {
                 sample.original.extend_from_slice(&self.output.rgb[p * 3..p * 3 + 3]);
-                let fore = asked[p] && !matches!(pixel_sources[p], PixelSource::Rejected(_));
+                let fore = selected[p] && !matches!(pixel_sources[p], PixelSource::Rejected(_));
                 let back = live[p] && !mask[p];
                 let rgb: &[f32] = if fore { &warp[p * 3..p * 3 + 3] } else { &[0.0; 3] };
                 sample.warp.extend_from_slice(rgb);
                 let bit = |on: bool, bit: u8| if on { bit } else { 0 };
                 sample.flags.push(bit(fore, FORE) | bit(back, BACK) | bit(live[p], LIVE));
                 stats.live += u64::from(live[p]);
-                if asked[p] {
+                if selected[p] {
                     stats.count(pixel_sources[p]);
                 }
             }
@@ -269,14 +270,14 @@ impl<P> Builder<P> {
     }
 
     /// Frame 1 warped to this frame, `[H,W,3]`, and the source of each pixel, `[H,W]`; only for the
-    /// pixels in `asked`.
+    /// pixels in `selected`.
     fn warp<R: Rasterizer<Prepared = P>>(
         &self,
         source: &Source<R>,
         splats: &Splats,
         camera: &Camera,
         frame: &FirstFrame,
-        asked: &[bool],
+        selected: &[bool],
     ) -> Result<(Vec<f32>, Vec<PixelSource>), CuarError> {
         let (w, h) = (self.output.width, self.output.height);
         if source.options.warp == WarpForm::Paper {
@@ -294,7 +295,7 @@ impl<P> Builder<P> {
         let mut pixel_sources = vec![PixelSource::Rejected(Rejection::Uncovered); w * h];
         rgb.par_chunks_mut(w * 3).zip(pixel_sources.par_chunks_mut(w)).enumerate().for_each(
             |(y, (rgb, pixel_sources))| {
-                for x in (0..w).filter(|x| asked[y * w + x]) {
+                for x in (0..w).filter(|x| selected[y * w + x]) {
                     let p = y * w + x;
                     let sums = &output.features[p * CHANNELS..(p + 1) * CHANNELS];
                     let (alpha, now) = (output.alpha[p], &output.rgb[p * 3..p * 3 + 3]);

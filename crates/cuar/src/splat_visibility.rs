@@ -2,8 +2,8 @@
 //!
 //! Geometry is fixed and only edited splats change colour. An image therefore needs only the pixels
 //! that edited splats reach, and for these only splats that reach the same cell of the image in
-//! front of an edited one. All other splats are left out. The weights `αT` of the edited splats at
-//! those pixels do not change.
+//! front of an edited one. All other splats are omitted. This does not change the weights `αT` of
+//! the edited splats at those pixels.
 
 use gs_core::image_formation::TILE_SIZE;
 use gs_core::{Camera, Footprint, Rasterizer, Splats, TileSet};

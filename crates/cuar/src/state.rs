@@ -2,16 +2,18 @@
 
 use crate::CuarError;
 
-/// State from which a run can be resumed, as plain arrays.
+/// State from which a run can be resumed, as flat arrays. Their names and number depend on the
+/// solver; both have `d_sh`, the offsets of SH, `[E,K,3]` for `E` edited splats. Resuming fails with
+/// [`CuarError::State`] if an array is missing or has a different length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
-    /// Hash of the inputs and options; a state can resume only the run that it was saved from.
+    /// Hash of the inputs and options; a state can resume only runs with the same hash.
     pub fingerprint: u64,
-    /// Completed steps.
+    /// Completed steps: evaluations of one image each.
     pub step: u64,
-    /// Named arrays.
+    /// Arrays in single precision: name and values.
     pub arrays: Vec<(String, Vec<f32>)>,
-    /// Named arrays in double precision.
+    /// Arrays in double precision: name and values.
     pub doubles: Vec<(String, Vec<f64>)>,
 }
 

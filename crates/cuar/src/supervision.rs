@@ -1,10 +1,11 @@
 //! [`Supervision`]: makes the supervised images, several at a time.
 
 use crate::{
-    CuarError, RefineReport, SupervisionStats, Views, kept,
+    CuarError, RefineReport, SupervisionStats, Views,
     problem::Watch,
     sample::{Builder, Made, Sample},
     sample_source::Source,
+    stored_image,
     view_sampler::ViewTime,
     warp::FirstFrame,
 };
@@ -54,39 +55,40 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         }
     }
 
-    /// Images for `plan` (sorted by time), as many as fit in `memory`.
+    /// Images for `drawn` (sorted by time), as many as fit in `memory`.
     pub(crate) fn build(
         &mut self,
-        plan: &[ViewTime],
+        drawn: &[ViewTime],
         memory: usize,
         done: usize,
         watch: &mut Watch,
         report: &mut RefineReport,
     ) -> Result<Vec<Sample<R::Prepared>>, CuarError> {
-        let mut plan = plan.to_vec();
-        let mut samples = Vec::with_capacity(plan.len());
+        let mut drawn = drawn.to_vec();
+        let mut samples = Vec::with_capacity(drawn.len());
         let mut next = 0;
-        while next < plan.len() {
-            let mut end = plan.len().min(next + self.builders.len());
+        while next < drawn.len() {
+            let mut end = drawn.len().min(next + self.builders.len());
             if next < PROBE {
                 end = end.min(PROBE);
             }
-            for made in self.group(&plan, next..end, watch)? {
+            for made in self.group(&drawn, next..end, watch)? {
                 self.count(&made);
                 samples.push(made.sample);
             }
             next = end;
-            if next == PROBE.min(plan.len()) {
+            if next == PROBE.min(drawn.len()) {
                 let bytes: usize = samples.iter().map(Sample::bytes).sum();
                 let each = (bytes / next).max(1);
                 let fit = (memory / each).max(next);
-                if fit < plan.len() {
-                    report
-                        .warnings
-                        .push(format!("{fit} of {} images fit into the memory budget", plan.len()));
-                    let rest = plan.split_off(next);
+                if fit < drawn.len() {
+                    report.warnings.push(format!(
+                        "{fit} of {} images fit into the memory budget",
+                        drawn.len()
+                    ));
+                    let rest = drawn.split_off(next);
                     let keep = fit - next;
-                    plan.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
+                    drawn.extend((0..keep).map(|k| rest[k * rest.len() / keep]));
                 }
             }
             watch.step(done + next, None);
@@ -95,12 +97,12 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(samples)
     }
 
-    /// Makes the images of `plan` (sorted by time) for the observer alone.
-    pub(crate) fn keep(&mut self, plan: &[ViewTime], watch: &mut Watch) -> Result<(), CuarError> {
+    /// Makes the images of `drawn` (sorted by time) for the observer alone.
+    pub(crate) fn keep(&mut self, drawn: &[ViewTime], watch: &mut Watch) -> Result<(), CuarError> {
         let mut next = 0;
-        while next < plan.len() {
-            let end = plan.len().min(next + self.builders.len());
-            self.group(plan, next..end, watch)?;
+        while next < drawn.len() {
+            let end = drawn.len().min(next + self.builders.len());
+            self.group(drawn, next..end, watch)?;
             next = end;
             watch.step(next, None);
             watch.stop_if_cancelled()?;
@@ -108,17 +110,17 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         Ok(())
     }
 
-    /// The images `plan[group]` that show edited splats. A render of frame 1 stays in memory while a
-    /// later image of the plan has its view.
+    /// The images `drawn[group]` that show edited splats. A render of frame 1 stays in memory while
+    /// a later image of `drawn` has its view.
     fn group(
         &mut self,
-        plan: &[ViewTime],
+        drawn: &[ViewTime],
         group: Range<usize>,
         watch: &mut Watch,
     ) -> Result<Vec<Made<R::Prepared>>, CuarError> {
-        let made = self.made(&plan[group.clone()], watch)?;
-        for at in &plan[group.clone()] {
-            if !plan[group.end..].iter().any(|later| later.view == at.view) {
+        let made = self.made(&drawn[group.clone()], watch)?;
+        for at in &drawn[group.clone()] {
+            if !drawn[group.end..].iter().any(|later| later.view == at.view) {
                 self.frames[at.view] = None;
             }
         }
@@ -132,8 +134,10 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
         watch: &mut Watch,
     ) -> Result<Vec<Option<Made<R::Prepared>>>, CuarError> {
         let num_rows = self.uncertain_counts.len();
-        let mut kept: Vec<_> =
-            group.iter().map(|&at| kept::decode(&watch.kept_image(at)?, at, num_rows)).collect();
+        let mut kept: Vec<_> = group
+            .iter()
+            .map(|&at| stored_image::decode(&watch.stored_image(at)?, at, num_rows))
+            .collect();
         let missing: Vec<ViewTime> =
             group.iter().zip(&kept).filter(|(_, kept)| kept.is_none()).map(|(at, _)| *at).collect();
         let mut fresh = self.make(&missing)?.into_iter();
@@ -141,7 +145,7 @@ impl<'a, R: Rasterizer<Prepared: Send> + Sync> Supervision<'a, R> {
             if kept.is_none()
                 && let Some(made) = fresh.next()
             {
-                watch.keep_image(at, &kept::encode(made.as_ref()));
+                watch.store_image(at, &stored_image::encode(made.as_ref()));
                 *kept = Some(made);
             }
         }

@@ -2,8 +2,9 @@
 
 /// Reason why a masked pixel has no supervision from frame 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Rejection {
-    /// Covered less than [`crate::WarpParams::min_coverage`].
+    /// The coverage is below [`crate::WarpParams::min_coverage`].
     Uncovered,
     /// Several depths mix ([`crate::WarpParams::spread_tolerance`]).
     Mixed,
@@ -44,6 +45,7 @@ impl Rejection {
 
 /// Counts of pixels, summed over the supervised images.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct SupervisionStats {
     /// Pixels that an edited splat reaches.
     pub live: u64,
@@ -51,7 +53,7 @@ pub struct SupervisionStats {
     pub masked: u64,
     /// Masked pixels whose surface is visible in frame 1.
     pub surface: u64,
-    /// Other masked pixels whose splats are visible in frame 1
+    /// Other masked pixels, whose splats are visible in frame 1
     /// ([`crate::WarpParams::min_known_color`]).
     pub splat_colors: u64,
     /// Masked pixels without supervision, by the reason why their surface was rejected, in the
@@ -126,7 +128,7 @@ mod tests {
         assert_eq!(
             (stats.rejections, stats.masked, stats.supervised()),
             ([1; 6], 8, 2),
-            "each by its place"
+            "each by its index"
         );
     }
 }

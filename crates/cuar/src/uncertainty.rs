@@ -79,7 +79,7 @@ pub fn render_uncertainty<R: Rasterizer>(
 /// from view dependence and from missing supervision, `[H,W,1]`.
 ///
 /// # Errors
-/// As [`render_uncertainty`], and if `evidence` has another length.
+/// As [`render_uncertainty`], and if the length of `evidence` differs.
 pub fn render_total_uncertainty<R: Rasterizer>(
     raster: &R,
     at_t: &Splats,

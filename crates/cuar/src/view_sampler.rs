@@ -3,25 +3,25 @@
 use crate::CuarError;
 use gs_core::{Camera, SplitMix64, TimeRange};
 
-/// Cameras and times that images are drawn from.
+/// Cameras and times from which images are drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Views<'a> {
     /// All cameras. A camera with a [`Camera::time`] (a frame of a monocular video) is used only at
-    /// that time and possibly at the edited frame; the others at every time.
+    /// that time and possibly at the edited frame. The others are used at every time.
     pub cameras: &'a [Camera],
-    /// Candidate times of cameras without one.
+    /// Scene times, in any order, at which cameras without a time are used.
     pub times: &'a [f32],
-    /// Indices of held-out cameras, which never supervise; the report states their loss before and
-    /// after.
+    /// Indices of held-out cameras. They never supervise; the report states their loss before and
+    /// after the refinement.
     pub held_out: &'a [usize],
 }
 
 /// One image: a camera and a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewTime {
-    /// Index of the camera.
+    /// Index into [`Views::cameras`].
     pub view: usize,
-    /// Scene time.
+    /// Scene time, within the scene's range.
     pub time: f32,
 }
 
@@ -61,7 +61,7 @@ impl Views<'_> {
         Ok(())
     }
 
-    /// Draws `count` images: every view and every stretch of time as evenly as the count allows.
+    /// Draws `count` images, spread as evenly over views and times as the count allows.
     pub(crate) fn draw(
         &self,
         count: usize,
@@ -99,7 +99,7 @@ impl Views<'_> {
             let mut deck = Vec::new();
             for k in 0..count {
                 let time = times[k * times.len() / count];
-                // every view once per round, so that no view waits longer than two rounds
+                // every view once per round, so that a view recurs after two rounds at most
                 if deck.is_empty() {
                     deck = rng.order(free.len());
                 }
@@ -110,8 +110,8 @@ impl Views<'_> {
         }
         if let Some(time) = keep_first {
             samples.extend(free.iter().map(|&view| ViewTime { view, time }));
-            // frame 1 also supervises fixed views; of the many cameras of a video, some are enough
-            // to keep its colours
+            // frame 1 also supervises cameras with a time; of the many cameras of a video, a few
+            // suffice to keep its colours
             let some = fixed_share.min(FIRST_FRAMES);
             samples.extend(order[..some].iter().map(|&pick| ViewTime { view: fixed[pick], time }));
         }
@@ -123,7 +123,7 @@ impl Views<'_> {
             match self.cameras[view].time {
                 Some(time) => held_out.push(ViewTime { view, time }),
                 None => held_out.extend((0..HELD_OUT_TIMES.min(times.len())).map(|k| {
-                    // mid-stretch times
+                    // the middle of each interval
                     let at = (2 * k + 1) * times.len() / (2 * HELD_OUT_TIMES.min(times.len()));
                     ViewTime { view, time: times[at] }
                 })),
@@ -144,34 +144,34 @@ mod tests {
     }
 
     #[test]
-    fn draws_are_even_seeded_and_leave_out_what_is_held_out() {
+    fn draws_are_even_and_seeded_and_exclude_held_out_views() {
         let (cameras, times) = (cameras(10), TimeRange::UNIT.frames(31));
         let views = Views { cameras: &cameras, times: &times, held_out: &[3, 7] };
-        let plan = views.draw(60, None, 0.0, 5);
-        assert_eq!(plan.samples.len(), 60, "as many as asked for");
-        assert_eq!(plan, views.draw(60, None, 0.0, 5), "seeded");
-        assert_ne!(plan, views.draw(60, None, 0.0, 6), "another seed");
+        let drawn = views.draw(60, None, 0.0, 5);
+        assert_eq!(drawn.samples.len(), 60, "the requested number");
+        assert_eq!(drawn, views.draw(60, None, 0.0, 5), "seeded");
+        assert_ne!(drawn, views.draw(60, None, 0.0, 6), "a different seed");
         for view in 0..10 {
-            let seen = plan.samples.iter().filter(|sample| sample.view == view).count();
+            let seen = drawn.samples.iter().filter(|sample| sample.view == view).count();
             let expected = if [3, 7].contains(&view) { 0..=0 } else { 6..=9 };
             assert!(expected.contains(&seen), "view {view}: {seen}");
         }
-        assert!(plan.samples.iter().all(|sample| sample.time > 0.0), "not the edited frame");
-        assert_eq!(plan.held_out.len(), 8, "reported");
+        assert!(drawn.samples.iter().all(|sample| sample.time > 0.0), "not the edited frame");
+        assert_eq!(drawn.held_out.len(), 8, "held-out images");
         let all = views.draw(10_000, Some(0.0), 0.0, 5);
-        assert_eq!(all.samples.len(), 8 * 31, "everything once");
+        assert_eq!(all.samples.len(), 8 * 31, "every image once");
     }
 
     #[test]
-    fn cameras_with_a_time_keep_to_it() {
+    fn cameras_with_a_time_are_used_only_at_that_time() {
         let mut cameras = cameras(5);
         for (camera, time) in cameras.iter_mut().zip([0.1, 0.3, 0.5, 0.7, 0.9]) {
             camera.time = Some(time);
         }
         let views = Views { cameras: &cameras, times: &[], held_out: &[2] };
-        let plan = views.draw(100, Some(0.0), 0.0, 0);
+        let drawn = views.draw(100, Some(0.0), 0.0, 0);
         let (first, own): (Vec<ViewTime>, Vec<ViewTime>) =
-            plan.samples.iter().partition(|s| s.time == 0.0);
+            drawn.samples.iter().partition(|s| s.time == 0.0);
         assert_eq!((first.len(), own.len()), (4, 4), "the edited frame and their own");
         assert!(own.iter().all(|s| cameras[s.view].time == Some(s.time)), "own time");
         assert!(views.check(TimeRange { start: 0.0, end: 0.8 }).is_err(), "outside the scene");

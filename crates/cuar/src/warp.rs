@@ -4,6 +4,7 @@ use crate::Rejection;
 
 /// Form of the warp of the first frame to frame `t`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum WarpForm {
     /// Backward warp: every pixel of frame `t` samples frame 1 at the position of its surface
     /// there, given by the flow composited at frame `t` and divided by coverage. The pixel is
@@ -22,7 +23,8 @@ pub enum WarpForm {
 pub struct WarpParams {
     /// Minimum coverage of a pixel with a defined surface, at `t` and in frame 1. Default 0.5.
     pub min_coverage: f32,
-    /// Maximum distance of the surface from the depth rendered in frame 1, relative to that depth.
+    /// Maximum difference between the depth of the surface and that rendered in frame 1, relative to
+    /// the latter.
     /// Default 0.01.
     pub depth_tolerance: f32,
     /// Maximum standard deviation of the positions in frame 1 composited at one pixel, relative to
@@ -77,7 +79,7 @@ pub(crate) struct FirstFrame {
 }
 
 /// Channels of what [`trace`] reads at frame `t`: affine motion to frame 1 (shift 2, linear part
-/// 4), place there in the camera frame (3) and its square.
+/// 4), position there in the camera frame (3) and its square.
 pub(crate) const WARP_CHANNELS: usize = 10;
 
 /// Surface composited at one pixel of frame `t`, divided by coverage.
@@ -139,7 +141,7 @@ pub(crate) fn fetch(
     let tolerance = params.depth_tolerance * trace.depth.abs();
     let same = |x: usize, y: usize| {
         let depth = frame.depth[y * w + x];
-        // NaN (nothing there) is not the same surface
+        // NaN (no surface there) counts as a different surface
         (depth - trace.depth).abs() <= tolerance
     };
     let rgb = |x: usize, y: usize, channel: usize| frame.rgb[(y * w + x) * 3 + channel];
@@ -230,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_hidden_is_not_fetched() {
+    fn occluded_colours_are_not_fetched() {
         let frame = FirstFrame::ramp();
         let params = WarpParams::default();
         let fetch = |at, depth| fetch(&frame, Trace { at, depth }, &[9.0; 3], &params);

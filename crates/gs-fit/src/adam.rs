@@ -4,8 +4,8 @@ use gs_core::Real;
 
 /// Adam (Kingma & Ba 2015) over some rows of parameters, with a rate per column.
 ///
-/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column; rows that a step does not
-/// name keep their values and moments, bit for bit.
+/// Parameters are `[rows, columns]`, flat. A rate of 0 freezes a column. Rows that a step does
+/// not list keep their values and moments, bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adam<F> {
     /// Decay of the first moment. Default 0.9.
@@ -35,8 +35,8 @@ impl<F: Real> Adam<F> {
         }
     }
 
-    /// One step along the negative gradient. `rates` has one learning rate per column. `rows` has
-    /// the row of `params` and the row of `grads` of everything that changes.
+    /// One step along the negative gradient. `rates` has one learning rate per column. `rows` lists
+    /// the rows that change: the row of `params`, and its row of `grads`.
     ///
     /// # Panics
     /// If a length or a row does not fit.
@@ -97,12 +97,12 @@ mod tests {
     }
 
     #[test]
-    fn skipped_rows_and_frozen_columns_stay() {
+    fn skipped_rows_and_frozen_columns_do_not_change() {
         let mut adam = Adam::<f32>::new(4);
         let mut x = [1.0, 2.0, 3.0, 4.0];
         adam.step(&mut x, &[1.0; 2], &[0.1, 0.0], std::iter::once([1, 0]));
         assert_eq!(x[..2], [1.0, 2.0], "skipped row");
         assert_eq!(x[3], 4.0, "frozen column");
-        assert!(x[2] < 3.0 && adam.m[0] == 0.0, "the rest moves");
+        assert!(x[2] < 3.0 && adam.m[0] == 0.0, "the rest changes");
     }
 }

@@ -141,7 +141,7 @@ impl Alignment {
         }
     }
 
-    /// The whole-pixel change of the displacement with the least absolute difference, refined by a
+    /// The whole-pixel change of the displacement with the smallest absolute difference, refined by a
     /// parabola per axis.
     fn common_shift(&mut self, picture: Picture, render: &[f32], mask: &[bool]) {
         let width = picture.width;
@@ -306,7 +306,7 @@ const DISAGREE: [f32; 2] = [0.4, 0.03];
 /// displacements are used. Measured: 0.4 without any, 0.9 for a warp of σ 2 pixels.
 const DISAGREE_LOCALLY: f32 = 0.6;
 
-/// Differences to remove, decided from the first estimates.
+/// Differences to remove, determined from the first estimates.
 pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
     let median = |mut values: Vec<f32>| nearest_rank(&mut values, 0.5).unwrap_or(0.0);
     let local = |a: &Alignment| {
@@ -328,10 +328,10 @@ pub(crate) fn needed(alignments: &[Alignment]) -> Aligning {
 }
 
 /// Removes the component common to all alignments: the geometric mean of the gains, the mean
-/// offset, and displacements equal to a translation of the content by one vector. If there is a
-/// `reference` view, its gain and offset are used instead of the means, and the translation is
-/// fitted mainly to its displacement.
-pub(crate) fn hold_common(
+/// offset, and the displacements of a translation of the content by one vector. With a `reference`
+/// view, its gain and offset are used instead of the means, and the translation is fitted mainly to
+/// its displacement.
+pub(crate) fn remove_common(
     alignments: &mut [Alignment],
     cameras: &[&Camera],
     centre: [f64; 3],

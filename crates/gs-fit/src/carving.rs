@@ -11,12 +11,12 @@ use rayon::prelude::*;
 
 /// Difference of a channel (0 to 1) below which a picture shows the background of the selection.
 const BEHIND: f32 = 10.0 / 255.0;
-/// This many times the noise of a picture is added to [`BEHIND`], up to [`MOST_BEHIND`], but not
+/// This many times the noise of a picture is added to [`BEHIND`], up to [`MAX_BEHIND`], but not
 /// more than the difference between the picture and the current render. Otherwise new colours close
 /// to that of the background would count as background.
 const NOISES: f32 = 1.5;
-const MOST_BEHIND: f32 = 0.12;
-/// A splat belongs to the background if more than this share of it looks as it did before.
+const MAX_BEHIND: f32 = 0.12;
+/// A splat belongs to the background if more than this share of its pixels is unchanged.
 const SAME_SHARE: f32 = 0.5;
 /// Passes that separate foreground and background. A third changes a hundredth of the splats and
 /// takes a third of the time.
@@ -56,8 +56,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     /// if all pictures show it, and fade if some do. Returns the number of removed splats.
     pub(crate) fn carve(&mut self) -> Result<usize, FitError> {
         let n = self.working.splats.len();
-        // Only splats whose look has changed can be foreground. Unchanged splats beside an edit are
-        // background.
+        // Only splats whose appearance has changed can be foreground. Unchanged splats next to an
+        // edit are background.
         let current = self.current()?;
         let (seen, same) =
             self.agreement(&current, None, |view, _, _| Ok(view.original.clone()))?;
@@ -82,8 +82,8 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         Ok(self.working.prune(&gone, FAINT))
     }
 
-    /// Share of each splat's visible pixels that look the same as without the splats in `front`; 1
-    /// for splats of `front` that are hidden by others of `front`.
+    /// Share of each splat's visible pixels whose picture equals the render without the splats in
+    /// `front`; 1 for splats of `front` that are hidden by others of `front`.
     fn share_behind(&self, current: &[Vec<f32>], front: &[bool]) -> Result<Vec<f32>, FitError> {
         let (raster, params) = (self.raster, self.params());
         let (mut prepared, mut output) = (self.unprepared()?, RenderOutput::default());
@@ -97,7 +97,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             Ok(std::mem::take(&mut output.rgb))
         })?;
         let share = |i: usize| {
-            if seen[i] > votes::LEAST_SEEN { open[i] / seen[i] } else { 1.0 }
+            if seen[i] > votes::MIN_SEEN { open[i] / seen[i] } else { 1.0 }
         };
         Ok((0..front.len()).map(share).collect())
     }
@@ -146,7 +146,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
     }
 
     /// Per splat, the number of pixels of the edited pictures that show it, and the number of these
-    /// where the picture looks like `other` (`[H,W,3]`). Counts pixels that the selection can
+    /// where the picture equals `other` (`[H,W,3]`). Counts pixels that the selection can
     /// change, and splats on which these depend; if `only` is given, those of its splats alone are
     /// complete. `other` is called with a view, the tiles of it that are needed, and the rows of the
     /// splats on which these depend.
@@ -170,7 +170,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
                 continue;
             }
             let other = other(view, tiles, rows)?;
-            let noise = (NOISES * view.noise).min(MOST_BEHIND - BEHIND);
+            let noise = (NOISES * view.noise).min(MAX_BEHIND - BEHIND);
             let differ = |a: &[f32], b: &[f32]| {
                 a.iter().zip(b).fold(0.0, |most: f32, (a, b)| most.max((a - b).abs()))
             };

@@ -75,7 +75,7 @@ fn find<'a, T>(list: &'a [(String, Vec<T>)], name: &str) -> Result<&'a [T], FitE
 
 fn rows<const K: usize>(state: &FitState, name: &str) -> Result<Vec<[f32; K]>, FitError> {
     let (rows, rest) = find(&state.arrays, name)?.as_chunks::<K>();
-    if rest.is_empty() { Ok(rows.to_vec()) } else { Err(damaged(format!("`{name}` is cut"))) }
+    if rest.is_empty() { Ok(rows.to_vec()) } else { Err(damaged(format!("`{name}` is truncated"))) }
 }
 
 fn splats(state: &FitState, prefix: &str, sh_degree: usize) -> Result<Splats, FitError> {
@@ -135,7 +135,7 @@ pub(crate) fn restore(
         if m.len() != n * columns || v.len() != n * columns {
             return Err(damaged(format!("moments of `{name}` have a different length")));
         }
-        let step = steps.get(k).copied().ok_or_else(|| damaged("`steps` is cut"))?;
+        let step = steps.get(k).copied().ok_or_else(|| damaged("`steps` is truncated"))?;
         *adam = Adam { step: u64::from(step), m: m.to_vec(), v: v.to_vec(), ..Adam::new(0) };
     }
     working.aligning = match find(&state.counts, "aligning")? {

@@ -12,11 +12,12 @@ use gs_core::{
     RasterError, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
 };
 
-/// Damping λ, pixels: the colour of a splat that makes up less than this of all pictures stays near
-/// its initial value. With 2 pixels, only 5 to 10 % of the splats keep their geometry (case
+/// Damping λ, pixels: the colour of a splat that covers less than this in all pictures together stays
+/// near its initial value. With 2 pixels, only 5 to 10 % of the splats keep their geometry (case
 /// `eight`).
 const DAMPING: f32 = 0.05;
-/// Conjugate gradients: most iterations, and the decrease of the residual at which they end.
+/// Conjugate gradients: maximum number of iterations, and the decrease of the residual at which
+/// they end.
 const ITERATIONS: usize = 20;
 const CONVERGED: f64 = 1e-3;
 

@@ -57,7 +57,7 @@ pub enum FitError {
         /// Allowed values.
         expected: &'static str,
     },
-    /// A state to resume from is from another fit, or is damaged.
+    /// A state to resume from is from a different fit, or is damaged.
     #[error("cannot resume: {what}")]
     State {
         /// Description of the mismatch.

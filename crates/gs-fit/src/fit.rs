@@ -1,6 +1,6 @@
 //! [`fit()`]: fits splats to pictures.
 
-use crate::alignment::{Aligning, Alignment, hold_common, needed};
+use crate::alignment::{Aligning, Alignment, needed, remove_common};
 use crate::loss::{PictureLoss, Target};
 use crate::optimizer::RowFlags;
 use crate::report::{self, FitReport};
@@ -32,11 +32,11 @@ const ALIGN_UNTIL: f64 = 0.9;
 /// Share of the fit until which only the opacity of fading splats is fitted.
 const FADE_UNTIL: f64 = 0.5;
 /// Splats below this opacity are removed at a given share of the fit, so that the last steps adapt
-/// the others. Eight-bit pictures hardly show them.
+/// the others. They are barely visible in eight-bit pictures.
 const FAINT_AT_END: f32 = 0.02;
 const LAST_PRUNE: f64 = 0.9;
-/// Number of estimates after which the fit decides whether the pictures disagree, and how.
-const DECIDES_AFTER: usize = 2;
+/// Number of estimates from which the fit determines whether the pictures disagree, and how.
+const NUM_ESTIMATES: usize = 2;
 /// Unedited pictures have no weight within this distance of the selection, as a share of the longer
 /// image side.
 const UNSURE_BAND: f32 = 0.03;
@@ -48,6 +48,7 @@ const REACH_MARGIN: usize = 8;
 
 /// Result of a fit.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Fitted {
     /// Unselected splats, bit for bit, and the remaining selected ones, in the order of the start;
     /// then new ones.
@@ -122,7 +123,9 @@ pub fn fit<R: Rasterizer + Sync>(
     let mut step = 0;
     if let Some(state) = state {
         if state.fingerprint != fingerprint {
-            return Err(FitError::State { what: "other inputs or options".to_owned() });
+            return Err(FitError::State {
+                what: "the state is from a fit with different inputs or options".to_owned(),
+            });
         }
         step = crate::checkpoint::restore(state, &mut run.working, &mut run.views)?;
         run.find_rows();
@@ -439,7 +442,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
         for &v in &self.edited.clone() {
             self.render(v, &params, &mut output)?;
             let view = &mut self.views[v];
-            if step > ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY {
+            if step > ALIGN_FROM + NUM_ESTIMATES * ALIGN_EVERY {
                 view.measure_noise(&output.rgb);
             }
             let mut alignment = std::mem::take(&mut view.alignment);
@@ -457,11 +460,11 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             .options
             .reference
             .and_then(|reference| self.edited.iter().position(|&v| v == reference));
-        hold_common(&mut alignments, &cameras, centre, reference);
-        let decides = step == ALIGN_FROM + DECIDES_AFTER * ALIGN_EVERY;
-        // Gains also compensate colours that are not fitted yet, so that pictures that agree can
-        // seem to disagree at first.
-        if decides || self.working.aligning == Aligning::Whole {
+        remove_common(&mut alignments, &cameras, centre, reference);
+        let is_last = step == ALIGN_FROM + NUM_ESTIMATES * ALIGN_EVERY;
+        // Gains also compensate colours that are not fitted yet, so pictures that agree can appear
+        // to disagree at first.
+        if is_last || self.working.aligning == Aligning::Whole {
             self.working.aligning = needed(&alignments);
             for alignment in &mut alignments {
                 match self.working.aligning {

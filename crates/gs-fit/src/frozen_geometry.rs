@@ -1,14 +1,14 @@
-//! Decides which selected splats keep their geometry: those where colours alone explain the
+//! Determines which selected splats keep their geometry: those where colours alone explain the
 //! pictures.
 //!
-//! A fit that moves every selected splat also moves those that only needed a new colour, and these
+//! A fit that moves every selected splat also moves those that need only a new colour, and these
 //! lose the exact motion that the source has for them. Residuals show where geometry is wrong only
 //! after colours have converged, so these are solved in closed form first.
 
 use crate::FitError;
 use crate::fit::Run;
 use crate::subset::Subset;
-use crate::votes::LEAST_SEEN;
+use crate::votes::MIN_SEEN;
 use gs_core::{Rasterizer, RenderGrads, RenderOutput, Splats, UpstreamGrads, sh};
 
 /// Geometry is frozen where pictures and render differ by less than this (mean over a splat's
@@ -19,13 +19,13 @@ const EXPLAINED: f32 = 3.0 / 255.0;
 /// Frozen geometry is released where they later differ by more than this; twice [`EXPLAINED`], so
 /// that noise does not release it.
 const RELEASED: f32 = 6.0 / 255.0;
-/// A pixel looks as before if no channel changed by this, 0 to 1: a little more than the 8/255 from
-/// which a pixel counts as edited. Half the value raises the end-point error by 7 to
-/// 11 %, twice changes it by +1 and −9 %.
-const AS_BEFORE: f32 = 10.0 / 255.0;
-/// Geometry is also frozen where more than this share of a splat's pixels looks as before: it lies
-/// beside the edit or in front of it, for example an arm in front of recoloured clothing. With
-/// 0.3 and 0.7 the end-point error changes by at most 12 %.
+/// A pixel is unchanged if no channel changed by this, 0 to 1: a little more than the 8/255 from
+/// which a pixel counts as edited. Half the value increases the end-point error by 7 to 11 %; twice
+/// the value changes it by +1 and −9 %.
+const UNCHANGED: f32 = 10.0 / 255.0;
+/// Geometry is also frozen where more than this share of a splat's pixels is unchanged: the splat
+/// lies next to the edit or in front of it, for example an arm in front of recoloured clothing.
+/// With 0.3 and 0.7 the end-point error changes by at most 12 %.
 const SAME_SHARE: f32 = 0.5;
 
 /// What the edited pictures show of a splat, means over its visible pixels.
@@ -35,7 +35,7 @@ struct Shown {
     pixels: f32,
     /// Difference between pictures and render, largest channel, 0 to 1.
     left: f32,
-    /// Share that differs from the scene before the edit by less than [`AS_BEFORE`].
+    /// Share that differs from the scene before the edit by less than [`UNCHANGED`].
     same: f32,
 }
 
@@ -94,7 +94,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             view.fill_planes(&view.tiles, &mut planes.v_features, |p| {
                 let [ours, before, picture] =
                     [rgb, &view.original, &view.target].map(|rgb| &rgb[3 * p..3 * p + 3]);
-                let is_same = difference(before, picture) < AS_BEFORE;
+                let is_same = difference(before, picture) < UNCHANGED;
                 [1.0, difference(ours, picture), f32::from(u8::from(is_same))]
             });
             raster.lift_into(&mut prepared, splats, &planes, 3, &mut sums)?;
@@ -106,7 +106,7 @@ impl<R: Rasterizer + Sync> Run<'_, R> {
             }
         }
         for shown in &mut shown {
-            let total = shown.pixels.max(LEAST_SEEN);
+            let total = shown.pixels.max(MIN_SEEN);
             shown.left /= total;
             shown.same /= total;
         }

@@ -47,18 +47,18 @@ pub struct FitOptions {
     /// Share of a splat's visible pixels that must lie in the masks for it to be selected. Default
     /// 0.5.
     pub vote: f32,
-    /// Background over which the pictures are composited, RGB, 0 to 1.
+    /// Background over which the pictures are composited, RGB, 0 to 1. Default black.
     pub background: [f64; 3],
     /// Whether differences between the pictures (gain, offset, displacement) are estimated and
     /// removed. Default true.
     pub align: bool,
     /// Index of the view to whose picture the others are aligned; `None` for the mean of all.
     pub reference: Option<usize>,
-    /// Seed of the order of views and of the positions of new splats.
+    /// Random seed of the order of views and of the positions of new splats. Default 0.
     pub seed: u64,
-    /// Seconds between previews; `None` for none.
+    /// Minimum seconds between previews; `None` for none.
     pub preview_secs: Option<f64>,
-    /// Seconds between checkpoints.
+    /// Minimum seconds between checkpoints.
     pub checkpoint_secs: f64,
 }
 

@@ -11,6 +11,7 @@ pub(crate) const ENOUGH_VIEWS: u16 = 3;
 
 /// Counts of a fit.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct FitReport {
     /// Edited pictures.
     pub edited_views: usize,
@@ -34,6 +35,7 @@ pub struct FitReport {
 
 /// Masked regions that fewer than three pictures show.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PoorlySeen {
     /// Number of such pixels in all pictures.
     pub pixels: usize,

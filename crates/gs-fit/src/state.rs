@@ -2,10 +2,11 @@
 
 use gs_core::Image;
 
-/// State from which a fit can be resumed, as plain arrays.
+/// State from which a fit can be resumed, as flat arrays with names. Resuming fails with
+/// [`FitError::State`](crate::FitError::State) if an array is missing or has a different length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FitState {
-    /// Hash of the inputs and options; a state can resume only the fit that it was saved from.
+    /// Hash of the inputs and options; a state can resume only fits with the same hash.
     pub fingerprint: u64,
     /// Completed steps.
     pub step: u64,
@@ -17,6 +18,7 @@ pub struct FitState {
 
 /// Progress of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FitProgress {
     /// Completed steps.
     pub done: usize,
@@ -30,6 +32,7 @@ pub struct FitProgress {
 
 /// Current state of one view.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct FitPreview {
     /// Name of the view.
     pub name: String,
@@ -48,18 +51,18 @@ pub trait FitObserver {
         let _ = progress;
     }
 
-    /// Called before the first step, while splats of removed objects are searched for: number of
+    /// Called before the first step, during the search for splats of removed objects: number of
     /// completed rounds, and their maximum number.
     fn carving(&mut self, done: usize, most: usize) {
         let _ = (done, most);
     }
 
-    /// Called every [`crate::FitOptions::preview_secs`].
+    /// Called at intervals of [`crate::FitOptions::preview_secs`] or more.
     fn preview(&mut self, preview: &FitPreview) {
         let _ = preview;
     }
 
-    /// Called every [`crate::FitOptions::checkpoint_secs`], and before a cancelled fit returns,
+    /// Called at intervals of [`crate::FitOptions::checkpoint_secs`] or more, and before a cancelled fit returns,
     /// with a state that the caller can store.
     fn checkpoint(&mut self, state: &FitState) {
         let _ = state;

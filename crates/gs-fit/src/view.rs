@@ -7,7 +7,7 @@ use crate::{FitError, FitOptions};
 use gs_core::{Camera, Image, Rasterizer, RenderParams, Splats, TileSet, nearest_rank};
 use rayon::prelude::*;
 
-/// Groups of differing pixels smaller than this share of the image are noise.
+/// Groups of differing pixels smaller than this share of the image count as noise.
 const SPECK_SHARE: f64 = 3e-5;
 
 /// A picture of the scene, edited or not.

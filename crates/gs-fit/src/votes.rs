@@ -7,7 +7,7 @@ use gs_core::{
 };
 
 /// Minimum sum over all views, pixels, of a splat that counts as visible.
-pub(crate) const LEAST_SEEN: f32 = 1e-3;
+pub(crate) const MIN_SEEN: f32 = 1e-3;
 
 /// Visibility of each splat in masks of several views; one row per splat.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -83,6 +83,6 @@ impl Votes {
 
     /// Share of the visible pixels of splat `i` that lie in masks; 0 if it is not visible.
     pub fn share(&self, i: usize) -> f32 {
-        if self.seen[i] > LEAST_SEEN { self.masked[i] / self.seen[i] } else { 0.0 }
+        if self.seen[i] > MIN_SEEN { self.masked[i] / self.seen[i] } else { 0.0 }
     }
 }

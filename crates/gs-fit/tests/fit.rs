@@ -87,7 +87,7 @@ fn assert_rest_is_kept(start: &Splats, fitted: &Fitted) {
 }
 
 #[test]
-fn unedited_pictures_give_the_start_back() {
+fn unedited_pictures_return_the_input() {
     let scene = scene();
     let start = scene.frame1();
     let fitted =
@@ -97,7 +97,7 @@ fn unedited_pictures_give_the_start_back() {
 }
 
 #[test]
-fn edits_are_fitted_and_the_rest_is_kept() {
+fn edits_are_fitted_and_other_splats_do_not_change() {
     let scene = scene();
     let start = scene.frame1();
     let truth = apply_edits(&scene, &edits(), 1).unwrap().splats;
@@ -110,7 +110,7 @@ fn edits_are_fitted_and_the_rest_is_kept() {
     let (before, after) =
         (error(&held_out, start, &truth), error(&held_out, &fitted.splats, &truth));
     assert!(gain_db(before, after) > 10.0, "held-out views: {before:.2e}, then {after:.2e}");
-    assert!(fitted.report.poorly_seen.is_none(), "every side has its pictures");
+    assert!(fitted.report.poorly_seen.is_none(), "every side is visible in pictures");
 
     let colors = FitOptions { geometry: false, ..options };
     let painted = run(start, &pictures(&cameras, &truth), &colors);
@@ -125,7 +125,7 @@ fn edits_are_fitted_and_the_rest_is_kept() {
 /// A recoloured region keeps its geometry bit for bit, so that its motion stays exact; added
 /// clothing does not.
 #[test]
-fn what_only_needs_colours_keeps_its_geometry() {
+fn recoloured_regions_keep_their_geometry() {
     let scene = scene();
     let start = scene.frame1();
     let cameras = scene.orbit_cameras(10, SIDE, SIDE);
@@ -147,8 +147,11 @@ fn what_only_needs_colours_keeps_its_geometry() {
         rows.iter().filter(is_held).count() as f64 / rows.len() as f64
     };
     let (recoloured, dressed) = (held(&edits()[..1]), held(&edits()[1..]));
-    assert!(recoloured > 0.6, "recoloured: {recoloured:.2} of the fitted splats are held");
-    assert!(dressed < 0.3, "dressed: {dressed:.2} of the fitted splats are held");
+    assert!(
+        recoloured > 0.6,
+        "recoloured: {recoloured:.2} of the fitted splats keep their geometry"
+    );
+    assert!(dressed < 0.3, "dressed: {dressed:.2} of the fitted splats keep their geometry");
 }
 
 /// The closed form finds the colours of a recoloured region before the first step.
@@ -165,13 +168,13 @@ fn colours_are_solved_before_the_first_step() {
 }
 
 /// Stops after some steps; stores checkpoints.
-struct Stops {
+struct Interrupter {
     after: usize,
     steps: usize,
     saved: Option<FitState>,
 }
 
-impl FitObserver for Stops {
+impl FitObserver for Interrupter {
     fn checkpoint(&mut self, state: &FitState) {
         self.saved = Some(state.clone());
     }
@@ -183,7 +186,7 @@ impl FitObserver for Stops {
 }
 
 #[test]
-fn threads_and_interruptions_do_not_change_a_bit() {
+fn results_do_not_depend_on_threads_or_interruptions() {
     let scene = scene();
     let start = scene.frame1();
     let truth = apply_edits(&scene, &edits(), 1).unwrap().splats;
@@ -198,7 +201,7 @@ fn threads_and_interruptions_do_not_change_a_bit() {
         assert!(whole == with_threads(threads), "{threads} threads");
     }
     for after in [17, 45] {
-        let mut stops = Stops { after, steps: 0, saved: None };
+        let mut stops = Interrupter { after, steps: 0, saved: None };
         let raster = CpuRasterizer::default();
         let stopped = fit(&raster, start, &pictures, &options, None, &mut stops);
         assert!(matches!(stopped, Err(FitError::Cancelled)), "stopped");
@@ -210,7 +213,7 @@ fn threads_and_interruptions_do_not_change_a_bit() {
 
         let other = FitOptions { seed: 1, ..options.clone() };
         let refused = fit(&raster, start, &pictures, &other, Some(&state), &mut NoFitObserver);
-        assert!(matches!(refused, Err(FitError::State { .. })), "another fit's state");
+        assert!(matches!(refused, Err(FitError::State { .. })), "the state of a different fit");
         let mut cut = state;
         cut.arrays.iter_mut().for_each(|(_, values)| values.truncate(7));
         let refused = fit(&raster, start, &pictures, &options, Some(&cut), &mut NoFitObserver);
@@ -220,7 +223,7 @@ fn threads_and_interruptions_do_not_change_a_bit() {
 
 /// With fewer splats, those of the floor would be so large that they cover much of the balls.
 #[test]
-fn deleted_objects_are_gone() {
+fn deleted_objects_are_removed() {
     let params = DemoParams { num_splats: 15_000, seed: 3, sh_degree: 0, ..DemoParams::default() };
     let scene = demo(&params).unwrap();
     let start = scene.frame1();
@@ -252,12 +255,12 @@ fn deleted_objects_are_gone() {
     let after = coverage(&fitted.splats, &|i| {
         fitted.source_rows[i].is_some_and(|row| is_ball[row as usize])
     });
-    assert!(before > 100.0, "there was something: {before}");
-    assert!(after < 0.01 * before, "{:.2} % of it are left", 100.0 * after / before);
+    assert!(before > 100.0, "visible before the fit: {before}");
+    assert!(after < 0.01 * before, "{:.2} % of it remain", 100.0 * after / before);
 }
 
-/// Only one of several pictures is edited: the others show the original scene, and must not undo
-/// the edit.
+/// Only one of several pictures is edited. The others show the original scene and must not undo the
+/// edit.
 #[test]
 fn one_edited_picture_is_enough() {
     let scene = scene();
@@ -282,7 +285,7 @@ fn one_edited_picture_is_enough() {
 
 /// Pictures of different brightness: the result has the brightness of the reference.
 #[test]
-fn the_reference_holds() {
+fn the_result_has_the_brightness_of_the_reference() {
     let scene = scene();
     let start = scene.frame1();
     let truth = apply_edits(&scene, &edits()[..1], 1).unwrap().splats;
@@ -344,7 +347,7 @@ fn large_splats_among_small_ones_are_fitted() {
 
 /// Masks and restrictions take effect.
 #[test]
-fn masks_and_restrictions_hold() {
+fn masks_and_restrictions_take_effect() {
     let scene = scene();
     let start = scene.frame1();
     let truth = apply_edits(&scene, &edits(), 1).unwrap().splats;
@@ -352,10 +355,10 @@ fn masks_and_restrictions_hold() {
     let options = FitOptions { steps: 60, ..FitOptions::default() };
     let all = pictures(&cameras, &truth);
     let whole = run(start, &all, &options);
-    assert!(whole.report.added > 0, "it adds splats");
+    assert!(whole.report.added > 0, "splats are added");
     let same = run(start, &all, &FitOptions { densify: false, ..options.clone() });
-    assert_eq!((same.report.added, same.report.carved), (0, 0), "it does not");
-    assert!(same.splats != *start, "and is a fit");
+    assert_eq!((same.report.added, same.report.carved), (0, 0), "no splats are added or carved");
+    assert!(same.splats != *start, "the splats are fitted");
 
     // Only the upper half of the pictures is in the mask.
     let mut upper = all;
@@ -365,7 +368,7 @@ fn masks_and_restrictions_hold() {
     }
     let fitted = run(start, &upper, &options);
     assert_rest_is_kept(start, &fitted);
-    assert!(fitted.report.masked_pixels == 6 * side * side / 2, "the masks are those given");
+    assert!(fitted.report.masked_pixels == 6 * side * side / 2, "the given masks are used");
     let selected: Vec<usize> = (0..start.len()).filter(|&i| fitted.selected[i]).collect();
     assert!(selected.len() > 50, "{} are selected", selected.len());
     for &i in &selected {
@@ -376,7 +379,7 @@ fn masks_and_restrictions_hold() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn invalid_inputs_are_refused() {
     let scene = scene();
     let start = scene.frame1();
     let cameras = scene.orbit_cameras(2, 64, 48);
@@ -389,10 +392,13 @@ fn what_does_not_fit_is_refused() {
     assert!(refused(&[], &options).contains("no pictures"), "none");
     let mut small = good.clone();
     small[1].image = Image::zeros(32, 48, 3);
-    assert!(refused(&small, &options).contains("expected 64×48"), "another size");
+    assert!(refused(&small, &options).contains("expected 64×48"), "a different size");
     let mut mask = good.clone();
     mask[0].mask = Some(vec![true; 5]);
-    assert!(refused(&mask, &options).contains("the mask is 5 pixels"), "another mask");
+    assert!(
+        refused(&mask, &options).contains("the mask is 5 pixels"),
+        "a mask of a different size"
+    );
     // Only the sky, in which no splat is mainly visible.
     let mut sky = good.clone();
     let mut corner = vec![false; 64 * 48];

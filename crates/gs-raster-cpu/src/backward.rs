@@ -1,13 +1,13 @@
 //! The backward passes: gradients per tile, sums per splat in a fixed order,
 //! then the chain rule of each splat (`splat_grads`).
 
-use crate::bins::{BLOCK, MACRO_TILES, Macro};
+use crate::bins::{BLOCK, MACRO_TILES, MacroTile};
 use crate::forward::{check, gather, passes, shade, with_channels};
 use crate::lanes::{self, Lane};
 use crate::prepared::{Composited, Prepared};
-use crate::shade::{HEAD, Layout};
+use crate::shade::{ChannelLayout, HEAD};
 use crate::splat_grads::{self, Scope};
-use crate::tile::{Pass, Plane, clear};
+use crate::tile::{Pass, TilePlane, clear};
 use crate::tile_grad::{MOMENTS, Sums, TileUpstream, differentiate, differentiate_colors};
 use crate::times::timed;
 use crate::view::{TILE, TILE_PIXELS, View, dot};
@@ -20,12 +20,12 @@ use std::time::Instant;
 /// The tiles of one macro tile.
 struct DifferentiateMacro<'a, F> {
     view: &'a View<F>,
-    layout: Layout,
+    layout: ChannelLayout,
     stride: usize,
     first_channel: usize,
     channels: usize,
     macro_id: usize,
-    owner: &'a Macro,
+    owner: &'a MacroTile,
     target: &'a mut Composited<F>,
     upstream: &'a UpstreamGrads<F>,
     params: &'a RenderParams,
@@ -50,7 +50,7 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
     // cache; the tiles read them in list order.
     std::hint::black_box(target.records.iter().step_by(16).copied().sum::<F>());
     let mut sums = Sums { values: &mut target.sums, stride: MOMENTS + stride };
-    let mut v_channels = [Plane::<F>::zero(); C];
+    let mut v_channels = [TilePlane::<F>::zero(); C];
     for tile in 0..MACRO_TILES {
         let Some(first) = Prepared::tile_origin(view, macro_id, tile) else { continue };
         let list = &job.owner.lists[tile];
@@ -73,11 +73,11 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
         match job.scope {
             Scope::Everything => {
                 let stored = target.transmittance.as_chunks::<TILE_PIXELS>().0[tile];
-                let mut transmittance = Plane(stored);
+                let mut transmittance = TilePlane(stored);
                 for t in &mut transmittance.0 {
                     *t = t.abs();
                 }
-                let mut behind = Plane::zero();
+                let mut behind = TilePlane::zero();
                 if first_channel == 0 {
                     pixels.load_behind(upstream, params, layout, &transmittance, &mut behind);
                 }
@@ -99,7 +99,7 @@ fn differentiate_macro<S: Simd, F: Lane, const C: usize>(s: S, job: Differentiat
                 );
             }
             Scope::Colors => {
-                let mut transmittance = Plane::zero();
+                let mut transmittance = TilePlane::zero();
                 clear(&mut transmittance.0, first, [view.width, view.height]);
                 differentiate_colors::<S, F, C>(
                     s,
@@ -134,7 +134,7 @@ impl<F: Lane> TilePixels<'_, F> {
 
     /// Upstream gradients of the colour; zero outside the image.
     #[inline(always)]
-    fn load_rgb(&self, upstream: &UpstreamGrads<F>, planes: &mut [Plane<F>; 3]) {
+    fn load_rgb(&self, upstream: &UpstreamGrads<F>, planes: &mut [TilePlane<F>; 3]) {
         for plane in &mut *planes {
             plane.0.fill(F::zero());
         }
@@ -156,9 +156,9 @@ impl<F: Lane> TilePixels<'_, F> {
     fn load_channel(
         &self,
         upstream: &UpstreamGrads<F>,
-        layout: Layout,
+        layout: ChannelLayout,
         channel: usize,
-        plane: &mut Plane<F>,
+        plane: &mut TilePlane<F>,
     ) {
         plane.0.fill(F::zero());
         let (source, step, offset) = if channel < layout.depth_at() {
@@ -186,9 +186,9 @@ impl<F: Lane> TilePixels<'_, F> {
         &self,
         upstream: &UpstreamGrads<F>,
         params: &RenderParams,
-        layout: Layout,
-        transmittance: &Plane<F>,
-        behind: &mut Plane<F>,
+        layout: ChannelLayout,
+        transmittance: &TilePlane<F>,
+        behind: &mut TilePlane<F>,
     ) {
         if !upstream.v_alpha.is_empty() {
             self.visit(|pixel, row| {
@@ -215,7 +215,7 @@ impl<F: Lane> TilePixels<'_, F> {
 /// Verifies the upstream planes against the last forward pass.
 fn check_upstream<F: Lane>(
     prepared: &Prepared<F>,
-    layout: Layout,
+    layout: ChannelLayout,
     upstream: &UpstreamGrads<F>,
 ) -> Result<(), RasterError> {
     if !prepared.has_forward || prepared.shade.layout != layout {
@@ -245,7 +245,7 @@ pub(crate) fn backward<F: Lane>(
     grads: &mut RenderGrads<F>,
 ) -> Result<(), RasterError> {
     check(prepared, splats, features)?;
-    let layout = Layout::new(params, prepared.num_splats, features.len());
+    let layout = ChannelLayout::new(params, prepared.num_splats, features.len());
     check_upstream(prepared, layout, upstream)?;
     let stride = prepared.shade.stride;
 

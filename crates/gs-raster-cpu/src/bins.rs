@@ -1,9 +1,9 @@
 //! Tile lists in depth order, built without sorting per tile and without shared mutable state.
 //!
-//! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over [`Macro`]
-//! tiles of 4×4 tiles, independently of each other; then every macro tile collects its splats run
-//! by run, which restores depth order, and distributes them over its tiles. Both steps are parallel
-//! and the result does not depend on the number of threads.
+//! Splats arrive sorted by depth. Runs of them ([`Block`]s) are first distributed over
+//! [`MacroTile`]s of 4×4 tiles, independently of each other. Then every macro tile collects its
+//! splats run by run, which restores depth order, and distributes them over its tiles. Both steps
+//! are parallel, and the result does not depend on the number of threads.
 
 use crate::cull::Reach;
 use crate::lanes::wide;
@@ -49,7 +49,7 @@ pub(crate) struct TileList {
 
 /// A square of 4×4 tiles: the unit of parallel work.
 #[derive(Debug, Default, Clone)]
-pub(crate) struct Macro {
+pub(crate) struct MacroTile {
     /// Ranks, ascending.
     pub items: Vec<u32>,
     /// Start of each block's items in `items`.
@@ -100,7 +100,7 @@ pub(crate) fn bin<F: Real>(
     view: &View<F>,
     tiles: Option<&TileSet>,
     blocks: &mut Vec<Block>,
-    macros: &mut Vec<Macro>,
+    macros: &mut Vec<MacroTile>,
 ) {
     let grid = macro_grid(view.tiles);
     let num_macros = grid[0] * grid[1];
@@ -140,7 +140,7 @@ pub(crate) fn bin<F: Real>(
         },
     );
 
-    macros.resize_with(num_macros, Macro::default);
+    macros.resize_with(num_macros, MacroTile::default);
     let blocks = &*blocks;
     macros.par_iter_mut().enumerate().for_each(|(macro_id, target)| {
         target.items.clear();
@@ -165,7 +165,7 @@ fn fill_lists<F: Real>(
     view: &View<F>,
     tiles: Option<&TileSet>,
     corner: [usize; 2],
-    target: &mut Macro,
+    target: &mut MacroTile,
 ) {
     let mut is_used = [true; MACRO_TILES];
     if let Some(tiles) = tiles {

@@ -1,9 +1,9 @@
 //! The forward pass: shade, composite every tile, assemble the images.
 
-use crate::bins::{MACRO, MACRO_TILES, Macro, macro_grid};
+use crate::bins::{MACRO, MACRO_TILES, MacroTile, macro_grid};
 use crate::lanes::{self, Lane, wide};
 use crate::prepared::{Composited, Prepared};
-use crate::shade::{HEAD, Layout, Shade};
+use crate::shade::{ChannelLayout, HEAD, Shade};
 use crate::tile::{self, Pass, TileState};
 use crate::times::timed;
 use crate::view::{TILE, TILE_PIXELS, View};
@@ -50,7 +50,7 @@ struct CompositeMacro<'a, F> {
     first_channel: usize,
     channels: usize,
     macro_id: usize,
-    owner: &'a Macro,
+    owner: &'a MacroTile,
     target: &'a mut Composited<F>,
 }
 
@@ -114,7 +114,7 @@ pub(crate) fn shade<F: Lane>(
     params: &RenderParams,
 ) -> Result<(), RasterError> {
     check(prepared, splats, features)?;
-    let layout = Layout::new(params, prepared.num_splats, features.len());
+    let layout = ChannelLayout::new(params, prepared.num_splats, features.len());
     let stride = padded(layout.channels());
     let covered = {
         let Prepared { shade, visible, rank_of, view, times, .. } = prepared;
@@ -134,7 +134,7 @@ pub(crate) fn shade<F: Lane>(
 }
 
 /// Copies the records of a macro tile's items side by side.
-pub(crate) fn gather<F: Lane>(shade: &Shade<F>, owner: &Macro, records: &mut Vec<F>) {
+pub(crate) fn gather<F: Lane>(shade: &Shade<F>, owner: &MacroTile, records: &mut Vec<F>) {
     // Copies of a length that is known at compile time, for the usual numbers of channels.
     match HEAD + shade.stride {
         7 => gather_chunks::<F, 7>(&shade.records, owner, records),
@@ -152,7 +152,7 @@ pub(crate) fn gather<F: Lane>(shade: &Shade<F>, owner: &Macro, records: &mut Vec
     }
 }
 
-fn gather_chunks<F: Lane, const N: usize>(source: &[F], owner: &Macro, records: &mut Vec<F>) {
+fn gather_chunks<F: Lane, const N: usize>(source: &[F], owner: &MacroTile, records: &mut Vec<F>) {
     records.resize(owner.items.len() * N, F::zero());
     let source = source.as_chunks::<N>().0;
     for (target, &rank) in records.as_chunks_mut::<N>().0.iter_mut().zip(&owner.items) {

@@ -1,6 +1,6 @@
 //! [`Prepared`]: geometry projected for one camera, and the memory of every later stage.
 
-use crate::bins::{self, Block, MACRO, MACRO_TILES, Macro};
+use crate::bins::{self, Block, MACRO, MACRO_TILES, MacroTile};
 use crate::lanes::{self, Lane};
 use crate::project::{CULLED, Projected, project};
 use crate::shade::{DEAD, Shade};
@@ -37,7 +37,7 @@ pub struct Prepared<F> {
     /// Rank of every splat, or [`CULLED`].
     pub(crate) rank_of: Vec<u32>,
     pub(crate) blocks: Vec<Block>,
-    pub(crate) macros: Vec<Macro>,
+    pub(crate) macros: Vec<MacroTile>,
     pub(crate) shade: Shade<F>,
     pub(crate) composited: Vec<Composited<F>>,
     /// Whether `shade` and `composited` hold a forward pass of this geometry.

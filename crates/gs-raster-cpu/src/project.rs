@@ -61,7 +61,7 @@ impl<F: Lane> Geometry<F> {
 
 /// Values shared by forward and backward projection.
 #[derive(Clone, Copy)]
-pub(crate) struct Frame<S: Simd, F: Lane> {
+pub(crate) struct Projection<S: Simd, F: Lane> {
     pub opacity: Vector<S, F>,
     /// Camera-frame mean.
     pub t: [Vector<S, F>; 3],
@@ -87,7 +87,7 @@ pub(crate) struct Frame<S: Simd, F: Lane> {
     pub cov: [Vector<S, F>; 3],
 }
 
-impl<S: Simd, F: Lane> Frame<S, F> {
+impl<S: Simd, F: Lane> Projection<S, F> {
     /// Camera-frame mean, covariances and opacity for registers `k` of a group.
     #[inline(always)]
     pub(crate) fn new(s: S, view: &View<Vector<S, F>>, geometry: &Geometry<F>, k: usize) -> Self {
@@ -173,7 +173,7 @@ impl<F: Lane> ProjectedGroup<F> {
         geometry: &Geometry<F>,
         k: usize,
     ) {
-        let frame = Frame::new(s, view, geometry, k);
+        let frame = Projection::new(s, view, geometry, k);
         let (t, [a, b, c]) = (frame.t, frame.cov);
         let (zero, one, half) = (a.like(0.0), a.like(1.0), a.like(0.5));
         let det = a * c - b * b;

@@ -2,7 +2,7 @@
 //! parameters.
 
 use crate::lanes::Lane;
-use crate::project::Frame;
+use crate::project::Projection;
 use crate::tile_grad::MOMENTS;
 use crate::vector::Vector;
 use crate::view::{View, dot, each};
@@ -27,7 +27,7 @@ pub(crate) struct GeometryGrads<S: Simd, F: Lane> {
 #[inline(always)]
 pub(crate) fn project_gradient<S: Simd, F: Lane>(
     view: &View<Vector<S, F>>,
-    frame: &Frame<S, F>,
+    frame: &Projection<S, F>,
     moments: &[Vector<S, F>; MOMENTS],
     convention: GradientConvention,
 ) -> GeometryGrads<S, F> {

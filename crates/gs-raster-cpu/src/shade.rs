@@ -16,13 +16,13 @@ const CHUNK: usize = 256;
 
 /// The order of channels: RGB, depth, the caller's features, zero padding.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Layout {
+pub(crate) struct ChannelLayout {
     pub rgb: bool,
     pub depth: bool,
     pub features: usize,
 }
 
-impl Layout {
+impl ChannelLayout {
     pub(crate) fn new(params: &RenderParams, num_splats: usize, features: usize) -> Self {
         let features = features.checked_div(num_splats).unwrap_or(0);
         Self { rgb: params.rgb, depth: params.depth, features }
@@ -63,7 +63,7 @@ pub(crate) const HEAD: usize = 6;
 /// All values that the pixel stage reads of the visible splats, by rank.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Shade<F> {
-    pub layout: Layout,
+    pub layout: ChannelLayout,
     /// Channels per splat, padding included.
     pub stride: usize,
     /// `[V, HEAD + stride]`: centre, coefficients of `dx²`, `dx dy`, `dy²` and constant of `log2 α`
@@ -90,7 +90,7 @@ impl<F: Lane> Shade<F> {
         view: &View<F>,
         splats: &Splats<F>,
         features: &[F],
-        layout: Layout,
+        layout: ChannelLayout,
         stride: usize,
     ) -> bool {
         self.layout = layout;
@@ -167,7 +167,7 @@ impl<F: Lane> Shade<F> {
             .enumerate()
             .for_each(|(chunk, ((shaded, flags), ranks))| {
                 let first = chunk * CHUNK;
-                arch.dispatch(Chunk {
+                arch.dispatch(ShadeChunk {
                     view,
                     splats,
                     features,
@@ -182,18 +182,18 @@ impl<F: Lane> Shade<F> {
 }
 
 /// Colours and opacities of consecutive splats from `first`.
-struct Chunk<'a, F> {
+struct ShadeChunk<'a, F> {
     view: &'a View<F>,
     splats: &'a Splats<F>,
     features: &'a [F],
-    layout: Layout,
+    layout: ChannelLayout,
     first: usize,
     ranks: &'a [u32],
     shaded: &'a mut [[F; 4]],
     flags: &'a mut [u8],
 }
 
-impl<F: Lane> WithSimd for Chunk<'_, F> {
+impl<F: Lane> WithSimd for ShadeChunk<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -236,7 +236,7 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
                 let values = out.0[place];
                 let id = first + i;
                 let features = &self.features[id * layout.features..(id + 1) * layout.features];
-                // Tested before the clamp, which would turn −∞ into 0.
+                // Tested before the clamp, which would replace −∞ by 0.
                 let alive = values.iter().chain(features).all(|x| x.as_f32().is_finite());
                 let negative = |c: usize| u8::from(values[c] < F::zero()) << c;
                 (shaded[i], flags[i]) = if alive {

@@ -6,7 +6,7 @@
 use crate::harmonics::{Harmonics, touch};
 use crate::lanes::{self, Lane};
 use crate::prepared::Prepared;
-use crate::project::{Frame, Geometry};
+use crate::project::{Geometry, Projection};
 use crate::project_grad::project_gradient;
 use crate::shade::DEAD;
 use crate::tile_grad::MOMENTS;
@@ -63,7 +63,7 @@ pub(crate) fn write<F: Lane>(
     let arch = lanes::arch();
     let differentiate = |chunk: usize, geometry, sh| {
         let first = chunk * CHUNK;
-        arch.dispatch(Chunk { prepared, splats, convention, stride, first, geometry, sh });
+        arch.dispatch(GradChunk { prepared, splats, convention, stride, first, geometry, sh });
     };
     let RenderGrads { v_means, v_quats, v_log_scales, v_opacity_logits, v_means2d, v_sh, .. } =
         grads;
@@ -96,7 +96,7 @@ struct Targets<'a, F> {
 }
 
 /// Consecutive splats from `first`, as many as `sh` has rows for.
-struct Chunk<'a, F> {
+struct GradChunk<'a, F> {
     prepared: &'a Prepared<F>,
     splats: &'a Splats<F>,
     convention: GradientConvention,
@@ -142,7 +142,7 @@ impl<F: Lane> Group<F> {
     }
 }
 
-impl<F: Lane> WithSimd for Chunk<'_, F> {
+impl<F: Lane> WithSimd for GradChunk<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -183,7 +183,7 @@ impl<F: Lane> WithSimd for Chunk<'_, F> {
     }
 }
 
-impl<F: Lane> Chunk<'_, F> {
+impl<F: Lane> GradChunk<'_, F> {
     /// The sums of the splats, zero for those that draw nothing and for clamped colours. They are
     /// stored in depth order; a loop without other work lets the cache misses overlap.
     #[inline(always)]
@@ -242,7 +242,7 @@ impl<F: Lane> Chunk<'_, F> {
         }
 
         let moments = [s0, sx, sy, sxx, sxy, syy];
-        let frame = Frame::new(s, view, &group.geometry, k);
+        let frame = Projection::new(s, view, &group.geometry, k);
         let mut v = project_gradient(view, &frame, &moments, self.convention);
         v.mean = each!(axis => v.mean[axis] + v_depth * view.rows[2][axis]);
         if self.prepared.shade.layout.rgb {

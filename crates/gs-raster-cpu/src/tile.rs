@@ -112,9 +112,9 @@ impl<F: Lane> Pass<'_, F> {
 /// One value per pixel of a tile, row by row, aligned so that no register crosses a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub(crate) struct Plane<F>(pub [F; TILE_PIXELS]);
+pub(crate) struct TilePlane<F>(pub [F; TILE_PIXELS]);
 
-impl<F: Lane> Plane<F> {
+impl<F: Lane> TilePlane<F> {
     pub(crate) fn zero() -> Self {
         Self([F::zero(); TILE_PIXELS])
     }
@@ -299,7 +299,7 @@ pub(crate) fn composite<S: Simd, F: Lane, const C: usize>(
                 let column = F::vectors::<S>(&columns)[k];
                 let mut sums = planes.each_ref().map(|plane| F::vectors::<S>(plane)[at]);
                 let first = F::vectors::<S>(transmittance)[at];
-                // Where a pixel stops, this runs on below the threshold, so that no later splat
+                // Where a pixel stops, this continues below the threshold, so that no later splat
                 // passes the test: from one splat to the next there is a single multiply-add to
                 // wait for.
                 let mut running = F::vmax(s, first, zero);

@@ -8,7 +8,9 @@
 use crate::bins::TileList;
 use crate::lanes::Lane;
 use crate::shade::HEAD;
-use crate::tile::{BATCH, MAX_ROW, Pass, Plane, Tests, columns, live_rows, offsets, row_registers};
+use crate::tile::{
+    BATCH, MAX_ROW, Pass, Tests, TilePlane, columns, live_rows, offsets, row_registers,
+};
 use crate::view::TILE;
 use gs_core::GradientConvention;
 use gs_core::image_formation::{MAX_ALPHA, TRANSMITTANCE_THRESHOLD};
@@ -23,11 +25,11 @@ pub(crate) const MOMENTS: usize = 6;
 #[derive(Debug)]
 pub(crate) struct TileUpstream<'a, F, const C: usize> {
     /// Gradients of this pass's channels.
-    pub channels: &'a [Plane<F>; C],
+    pub channels: &'a [TilePlane<F>; C],
     /// Transmittance after the last splat; consumed.
-    pub transmittance: &'a mut Plane<F>,
+    pub transmittance: &'a mut TilePlane<F>,
     /// `R` behind the last splat: `T_final · (background·g_rgb − g_alpha)`; consumed.
-    pub behind: &'a mut Plane<F>,
+    pub behind: &'a mut TilePlane<F>,
     /// List index at which the pixel stopped.
     pub stops: &'a [u32],
 }
@@ -111,7 +113,7 @@ pub(crate) fn differentiate<S: Simd, F: Lane, const C: usize>(
     };
     let per_row = row_registers::<S, F>();
     let TileUpstream { channels: v_channels, transmittance, behind, stops } = upstream;
-    let mut ends = Plane::<F>::zero();
+    let mut ends = TilePlane::<F>::zero();
 
     let mut end = stops.iter().copied().max().map_or(0, |stop| stop as usize).min(list.items.len());
     while end > 0 {
@@ -223,8 +225,8 @@ pub(crate) fn differentiate_colors<S: Simd, F: Lane, const C: usize>(
     pass: &Pass<'_, F>,
     list: &TileList,
     origin: [F; 2],
-    v_channels: &[Plane<F>; C],
-    transmittance: &mut Plane<F>,
+    v_channels: &[TilePlane<F>; C],
+    transmittance: &mut TilePlane<F>,
     sums: &mut Sums<'_, F>,
 ) {
     let tests = Tests::<S, F>::new(s);

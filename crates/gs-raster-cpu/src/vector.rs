@@ -68,12 +68,12 @@ pub(crate) struct Vector<S: Simd, F: Lane> {
 
 /// A boolean per lane.
 #[derive(Clone, Copy)]
-pub(crate) struct Truth<S: Simd, F: Lane> {
+pub(crate) struct LaneMask<S: Simd, F: Lane> {
     s: S,
     lanes: F::Mask<S>,
 }
 
-impl<S: Simd, F: Lane> Truth<S, F> {
+impl<S: Simd, F: Lane> LaneMask<S, F> {
     #[inline(always)]
     pub(crate) fn and(self, other: Self) -> Self {
         Self { lanes: F::vand(self.s, self.lanes, other.lanes), ..self }
@@ -140,15 +140,15 @@ impl<S: Simd, F: Lane> Vector<S, F> {
 
     /// False for NaN.
     #[inline(always)]
-    pub(crate) fn less(self, other: Self) -> Truth<S, F> {
-        Truth { s: self.s, lanes: F::vlt(self.s, self.lanes, other.lanes) }
+    pub(crate) fn less(self, other: Self) -> LaneMask<S, F> {
+        LaneMask { s: self.s, lanes: F::vlt(self.s, self.lanes, other.lanes) }
     }
 
     /// Whether the value is finite in single precision.
     #[inline(always)]
-    pub(crate) fn is_finite(self) -> Truth<S, F> {
+    pub(crate) fn is_finite(self) -> LaneMask<S, F> {
         let limit = self.like(f32::MAX);
-        Truth { s: self.s, lanes: F::vle(self.s, F::vabs(self.s, self.lanes), limit.lanes) }
+        LaneMask { s: self.s, lanes: F::vle(self.s, F::vabs(self.s, self.lanes), limit.lanes) }
     }
 }
 
@@ -156,7 +156,7 @@ impl<S: Simd, F: Lane> Vector<S, F> {
 #[inline(always)]
 pub(crate) fn all_finite<S: Simd, F: Lane, const N: usize>(
     values: [Vector<S, F>; N],
-) -> Truth<S, F> {
+) -> LaneMask<S, F> {
     let mut all = values[0].is_finite();
     for value in &values[1..] {
         all = all.and(value.is_finite());

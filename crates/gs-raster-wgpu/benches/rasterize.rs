@@ -42,7 +42,8 @@ fn scene(num: usize) -> Splats {
 }
 
 fn context(timestamps: bool) -> Option<GpuContext> {
-    let options = GpuOptions { timestamps, ..GpuOptions::default() };
+    let mut options = GpuOptions::default();
+    options.timestamps = timestamps;
     let make = |choice| GpuContext::with_options(choice, options);
     let chosen = match std::env::var("C4D_BENCH_ADAPTER") {
         Ok(index) => make(AdapterChoice::Index(index.parse().unwrap_or(usize::MAX))),
@@ -106,7 +107,7 @@ fn lap<R: Rasterizer>(
     Some([forward, start.elapsed()].map(|time| 1e3 * time.as_secs_f64()))
 }
 
-/// Runs the adapter and the CPU rasteriser in turns, so that both have the same machine load.
+/// Runs the adapter and the CPU rasteriser alternately, so that both have the same machine load.
 fn print_ratio(raster: &WgpuRasterizer, splats: &Splats, camera: &Camera, up: &UpstreamGrads) {
     let cpu = CpuRasterizer::default();
     let (mut on_gpu, mut on_cpu) = (None, None);

@@ -5,6 +5,7 @@ use std::fmt;
 
 /// Whether an adapter is a GPU or runs on the CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AdapterKind {
     /// A graphics processor.
     Hardware,
@@ -14,6 +15,7 @@ pub enum AdapterKind {
 
 /// Which adapter to use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum AdapterChoice {
     /// The best hardware adapter: discrete before integrated before virtual. Never software.
     #[default]
@@ -26,6 +28,7 @@ pub enum AdapterChoice {
 
 /// Description of one adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct AdapterSummary {
     /// Position in [`crate::GpuContext::adapters`].
     pub index: usize,
@@ -172,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn auto_takes_the_best_hardware_and_never_software() {
+    fn auto_selects_the_best_hardware_and_never_software() {
         let list = [
             adapter(0, AdapterKind::Software, 4),
             adapter(1, AdapterKind::Hardware, 1),

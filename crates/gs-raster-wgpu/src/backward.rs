@@ -24,7 +24,7 @@ pub(crate) enum Scope {
 }
 
 /// Arguments of a backward pass.
-pub(crate) struct Request<'a> {
+pub(crate) struct BackwardRequest<'a> {
     pub splats: &'a Splats,
     pub features: &'a [f32],
     pub params: &'a RenderParams,
@@ -36,7 +36,7 @@ pub(crate) struct Request<'a> {
 pub(crate) fn run(
     context: &GpuContext,
     prepared: &mut GpuPrepared,
-    request: &Request<'_>,
+    request: &BackwardRequest<'_>,
     grads: &mut RenderGrads,
 ) -> Result<(), RasterError> {
     check(context, prepared, request.splats, request.features)?;

@@ -8,6 +8,7 @@ use std::sync::mpsc;
 
 /// Time of one pass on the device.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct PassTiming {
     /// Name of the kernel.
     pub name: &'static str,
@@ -15,7 +16,7 @@ pub struct PassTiming {
     pub nanoseconds: f64,
 }
 
-enum Step {
+enum CommandStep {
     Dispatch {
         kernel: &'static KernelDef,
         uniform: (u64, u64),
@@ -39,7 +40,7 @@ enum Step {
 pub struct Commands<'a> {
     context: &'a GpuContext,
     uniforms: Vec<u8>,
-    steps: Vec<Step>,
+    steps: Vec<CommandStep>,
 }
 
 impl std::fmt::Debug for Commands<'_> {
@@ -116,7 +117,7 @@ impl<'a> Commands<'a> {
         let offset = self.uniforms.len() as u64;
         let bytes = bytemuck::bytes_of(uniform);
         self.uniforms.extend_from_slice(bytes);
-        self.steps.push(Step::Dispatch {
+        self.steps.push(CommandStep::Dispatch {
             kernel: kernel.into(),
             uniform: (offset, bytes.len() as u64),
             buffers: buffers.iter().map(|&buffer| buffer.clone()).collect(),
@@ -127,7 +128,7 @@ impl<'a> Commands<'a> {
     /// Zeroes the first `bytes` of `buffer`.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, bytes: u64) {
         if bytes > 0 {
-            self.steps.push(Step::Clear { buffer: buffer.clone(), bytes });
+            self.steps.push(CommandStep::Clear { buffer: buffer.clone(), bytes });
         }
     }
 
@@ -140,7 +141,7 @@ impl<'a> Commands<'a> {
     ) {
         if bytes > 0 {
             let (from, to) = (from.clone(), to.clone());
-            self.steps.push(Step::Copy { from, offset, to, to_offset, bytes });
+            self.steps.push(CommandStep::Copy { from, offset, to, to_offset, bytes });
         }
     }
 
@@ -159,7 +160,7 @@ impl<'a> Commands<'a> {
         let uniforms = memory.uniforms.ensure(context, self.uniforms.len() as u64)?.clone();
         let mut names = Vec::new();
         for step in &self.steps {
-            if let Step::Dispatch { kernel, .. } = step {
+            if let CommandStep::Dispatch { kernel, .. } = step {
                 context.pipeline(kernel)?;
                 names.push(kernel.name);
             }
@@ -201,7 +202,7 @@ impl<'a> Commands<'a> {
 fn encode(
     context: &GpuContext,
     encoder: &mut wgpu::CommandEncoder,
-    steps: &[Step],
+    steps: &[CommandStep],
     uniforms: &wgpu::Buffer,
     query_set: Option<&wgpu::QuerySet>,
 ) {
@@ -209,15 +210,15 @@ fn encode(
     let mut open: Option<wgpu::ComputePass<'static>> = None;
     for step in steps {
         match step {
-            Step::Clear { buffer, bytes } => {
+            CommandStep::Clear { buffer, bytes } => {
                 open = None;
                 encoder.clear_buffer(buffer, 0, Some(bytes.next_multiple_of(4)));
             }
-            Step::Copy { from, offset, to, to_offset, bytes } => {
+            CommandStep::Copy { from, offset, to, to_offset, bytes } => {
                 open = None;
                 encoder.copy_buffer_to_buffer(from, *offset, to, *to_offset, *bytes);
             }
-            Step::Dispatch { kernel, uniform, buffers, groups } => {
+            CommandStep::Dispatch { kernel, uniform, buffers, groups } => {
                 // Compiled before encoding; an error was returned then.
                 let Ok(pipeline) = context.pipeline(kernel) else { continue };
                 if query_set.is_some() {

@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Options for using a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub struct GpuOptions {
     /// Use only core WGSL and WebGPU's default limits, even if the adapter has more. Gradients are
     /// then identical from run to run. Default false.
@@ -193,7 +194,7 @@ impl GpuContext {
     }
 
     pub(crate) fn memory_error(&self, what: &'static str, bytes: u64, limit: String) -> GpuError {
-        GpuError::Memory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
+        GpuError::DeviceMemory { what, bytes, adapter: self.inner.adapter.name.clone(), limit }
     }
 
     /// The error for a failure during `during`.

@@ -37,7 +37,7 @@ pub enum GpuError {
     },
     /// A buffer exceeds a limit or the memory of the device.
     #[error("{what} needs {bytes} bytes, more than graphics adapter `{adapter}` {limit}")]
-    Memory {
+    DeviceMemory {
         /// Name of the buffer.
         what: &'static str,
         /// Size of the buffer, bytes.

@@ -50,7 +50,7 @@ const CORE: DeviceFeatures = DeviceFeatures { subgroups: false, float_atomics: f
 
 macro_rules! kernels {
     ($($id:ident: $source:ident $entry:literal [$($access:ident)*] $size:literal $needs:expr;)+) => {
-        /// Names the kernels; an index into [`KERNELS`].
+        /// The kernels; each is an index into [`KERNELS`].
         #[derive(Debug, Clone, Copy, PartialEq, Eq)]
         #[allow(missing_docs, reason = "each kernel is documented in the header of its shader")]
         pub enum Kernel { $($id,)+ }

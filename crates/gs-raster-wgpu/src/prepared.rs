@@ -36,7 +36,7 @@ pub struct GpuPrepared {
     /// The appearance that is on the device.
     pub(crate) resident: Option<Forward>,
     pub(crate) timings: Vec<PassTiming>,
-    pub(crate) memory: Memory,
+    pub(crate) memory: DeviceMemory,
 }
 
 /// Channels and degree of a forward pass.
@@ -48,7 +48,7 @@ pub(crate) struct Forward {
 
 /// Device buffers.
 #[derive(Debug)]
-pub(crate) struct Memory {
+pub(crate) struct DeviceMemory {
     pub commands: CommandMemory,
     pub means: GrowBuffer,
     pub quats: GrowBuffer,
@@ -85,7 +85,7 @@ pub(crate) struct Memory {
     pub v_features_staging: GrowBuffer,
 }
 
-impl Default for Memory {
+impl Default for DeviceMemory {
     fn default() -> Self {
         let storage = GrowBuffer::storage;
         Self {
@@ -137,16 +137,16 @@ impl GpuPrepared {
             forward: None,
             resident: None,
             timings: Vec::new(),
-            memory: Memory::default(),
+            memory: DeviceMemory::default(),
         }
     }
 
-    /// Fails if the memory belongs to another device.
+    /// Fails if the memory belongs to a different device.
     pub(crate) fn check_owner(&self, context: &GpuContext) -> Result<(), GpuError> {
         if self.context.is(context) {
             return Ok(());
         }
-        Err(context.failed("preparation", "the prepared state belongs to another device"))
+        Err(context.failed("preparation", "the prepared state belongs to a different device"))
     }
 
     /// Image size `[W, H]`, pixels.
@@ -154,7 +154,7 @@ impl GpuPrepared {
         self.frame.img_size
     }
 
-    /// Number of splats given to `prepare`.
+    /// Number of splats passed to `prepare`.
     pub fn num_splats(&self) -> usize {
         self.num_splats
     }
@@ -221,7 +221,7 @@ impl GpuPrepared {
         self.forward = None;
         let num_splats = self.num_splats;
         let mut frame = camera_frame(camera, to_u32(num_splats));
-        // The number of pairs of the last frame predicts that of the next one within a quarter.
+        // The number of pairs of the last frame predicts that of the next one to within a quarter.
         let guess = to_u32((num_splats * FIRST_ISECTS_PER_SPLAT).max(LEAST_ISECTS));
         let last = self.num_isects.saturating_add(self.num_isects / 4);
         self.max_isects = guess.max(last).min(max_isects(context));

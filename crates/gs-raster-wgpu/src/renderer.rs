@@ -1,6 +1,6 @@
 //! [`WgpuRasterizer`]: the implementation of the trait, and methods specific to devices.
 
-use crate::backward::{self, Request, Scope};
+use crate::backward::{self, BackwardRequest, Scope};
 use crate::commands::{Commands, PassTiming};
 use crate::prepared::GpuPrepared;
 use crate::primitives::download;
@@ -17,6 +17,7 @@ pub struct WgpuRasterizer {
 
 /// Intermediate results of the preparation, for tests and debugging.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Stages {
     /// Per splat: u, v (pixels, pixel i sampled at i), conic A, B, C, opacity, camera depth, radius
     /// (pixels, 0 = culled), `[N,8]`. After a forward pass, the opacity is −1 for splats excluded
@@ -228,7 +229,7 @@ impl Rasterizer for WgpuRasterizer {
         grads: &mut RenderGrads,
     ) -> Result<(), RasterError> {
         let scope = Scope::Everything;
-        let request = Request { splats, features, params, upstream, scope };
+        let request = BackwardRequest { splats, features, params, upstream, scope };
         backward::run(&self.context, prepared, &request, grads)
     }
 
@@ -242,7 +243,7 @@ impl Rasterizer for WgpuRasterizer {
         grads: &mut RenderGrads,
     ) -> Result<(), RasterError> {
         let scope = Scope::Colors;
-        let request = Request { splats, features, params, upstream, scope };
+        let request = BackwardRequest { splats, features, params, upstream, scope };
         backward::run(&self.context, prepared, &request, grads)
     }
 }

@@ -205,23 +205,24 @@ fn invalid_arguments_are_explained() {
 }
 
 #[test]
-fn a_state_of_another_device_is_refused_or_replaced() {
+fn states_of_a_different_device_are_refused_or_replaced() {
     let (one, other) = (raster(Mode::Portable), raster(Mode::Native));
     let splats = cloud(16, 10, 1, -2.0);
     let params = RenderParams::default();
     let mut prepared = one.prepare(&splats, &camera(16, 16)).unwrap();
     let error = other.forward(&mut prepared, &splats, &[], &params).unwrap_err();
-    assert!(error.to_string().contains("belongs to another device"), "{error}");
+    assert!(error.to_string().contains("belongs to a different device"), "{error}");
     other.prepare_into(&splats, &camera(16, 16), &mut prepared).unwrap();
     assert!(other.forward(&mut prepared, &splats, &[], &params).is_ok(), "replaced");
 }
 
-/// Lack of memory for the image or the lists is an error that says
-/// so; the same state is usable afterwards.
+/// Insufficient memory for the image or the lists is an error with the size; the same state is
+/// usable afterwards.
 #[test]
 fn too_little_memory_is_an_error() {
-    let options =
-        GpuOptions { portable: true, max_binding_bytes: Some(64 << 10), ..GpuOptions::default() };
+    let mut options = GpuOptions::default();
+    options.portable = true;
+    options.max_binding_bytes = Some(64 << 10);
     let raster = WgpuRasterizer::new(GpuContext::with_options(choice(), options).unwrap());
     let params = RenderParams::default();
     let splats = cloud(17, 10, 0, -2.0);

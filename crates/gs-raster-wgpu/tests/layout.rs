@@ -21,7 +21,7 @@ fn constants() -> Vec<(&'static str, Constant)> {
 }
 
 #[test]
-fn every_kernel_is_valid_with_what_it_declares_to_need_and_matches_rust() {
+fn every_kernel_is_valid_with_its_declared_features_and_matches_rust() {
     let mut found = Vec::new();
     for def in KERNELS {
         match parse(def.source.text, capabilities(def)) {

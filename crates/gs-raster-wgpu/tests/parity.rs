@@ -139,7 +139,7 @@ fn awkward_sizes_match() {
 
 /// Any subset of channels, and more channels than fit one pass.
 #[test]
-fn channels_can_be_chosen() {
+fn channels_can_be_selected() {
     let scene = &scenes()[1];
     for (rgb, depth, num_features) in [
         (false, false, 0),
@@ -172,7 +172,7 @@ fn exact_gradients_match() {
 
 /// Splitting harmonics and gradients of pairs that exceed a binding does not change the result.
 #[test]
-fn splitting_changes_nothing() {
+fn splitting_does_not_change_the_result() {
     let (splats, camera) = (cloud(11, 9000, 3, -3.5), camera(64, 48));
     let whole = gpu(Mode::Portable, &splats, &camera, &[], &params());
     let split = gpu(Mode::Tiny, &splats, &camera, &[], &params());
@@ -260,7 +260,7 @@ fn colour_only_gradients_match_the_cpu() {
     assert_grad_close("features", &widen(&ours.v_features), &widen(&theirs.grads.v_features), 1e-3);
 }
 
-/// Splats on the device, with another camera or moved, give the image of a new upload.
+/// Splats on the device, with a different camera or moved, give the image of a new upload.
 #[test]
 fn resident_splats_give_the_same_image() {
     let scene = &scenes()[1];
@@ -279,7 +279,7 @@ fn resident_splats_give_the_same_image() {
     let elsewhere = Camera::look_at([1.0, 0.5, -3.0], [0.0; 3], [0.0, 1.0, 0.0], 1.0, 90, 30);
     raster.set_camera(&mut prepared, &elsewhere).unwrap();
     raster.forward_resident_into(&mut prepared, &params(), &mut out).unwrap();
-    assert_eq!(out, fresh(&scene.splats, &elsewhere), "another camera");
+    assert_eq!(out, fresh(&scene.splats, &elsewhere), "a different camera");
 
     let mut moved = scene.splats.clone();
     for mean in &mut moved.means {
@@ -316,9 +316,9 @@ fn passes_are_timed_where_supported() {
     }
 }
 
-/// The planes may stay on the device, and a backward pass works as usual.
+/// The planes can remain on the device, and a backward pass works as usual.
 #[test]
-fn planes_may_stay_on_the_device() {
+fn planes_can_remain_on_the_device() {
     let scene = &scenes()[1];
     let raster = raster(Mode::Portable);
     let mut prepared = raster.prepare(&scene.splats, &scene.camera).unwrap();
@@ -333,9 +333,9 @@ fn planes_may_stay_on_the_device() {
     assert!(grads.v_opacity_logits.iter().any(|&v| v > 0.0), "more opacity, more alpha");
 }
 
-/// Negative control: the comparators detect the image and gradients of another scene.
+/// Negative control: the comparators detect the image and gradients of a different scene.
 #[test]
-fn another_scene_is_detected() {
+fn a_different_scene_is_detected() {
     let (one, other) = (cloud(1, 200, 1, -2.5), cloud(2, 200, 1, -2.5));
     let (a, b) = (
         cpu(&one, &camera(48, 40), &[], &params()),

@@ -103,8 +103,8 @@ fn culling_and_rectangles_match_the_cpu() {
         // These lists are valid for every opacity, those of the CPU
         // for the opacities of the preparation.
         let pairs: usize = ours.tile_lists.iter().map(Vec::len).sum();
-        let least = theirs.num_isects() - theirs.num_isects() / 1000;
-        assert!((least..=ours.num_rect_isects).contains(&pairs), "{}: {pairs}", scene.name);
+        let minimum = theirs.num_isects() - theirs.num_isects() / 1000;
+        assert!((minimum..=ours.num_rect_isects).contains(&pairs), "{}: {pairs}", scene.name);
     }
 }
 
@@ -127,16 +127,16 @@ fn lists_match_a_simple_reference() {
 }
 
 /// Smallest value of the quadratic form on the tile's pixel centres, by brute force.
-fn least_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
+fn smallest_quad(row: &[f32; 8], tile: [u32; 2], camera: &Camera) -> f64 {
     let [u, v, a, b, c] = [row[0], row[1], row[2], row[3], row[4]].map(f64::from);
-    let mut least = f64::INFINITY;
+    let mut smallest = f64::INFINITY;
     for y in 16 * tile[1]..(16 * tile[1] + 16).min(camera.height) {
         for x in 16 * tile[0]..(16 * tile[0] + 16).min(camera.width) {
             let (dx, dy) = (u - f64::from(x), v - f64::from(y));
-            least = least.min(a * dx * dx + c * dy * dy + 2.0 * b * dx * dy);
+            smallest = smallest.min(a * dx * dx + c * dy * dy + 2.0 * b * dx * dy);
         }
     }
-    least
+    smallest
 }
 
 fn check_lists(scene: &Scene, stages: &Stages) {
@@ -151,8 +151,8 @@ fn check_lists(scene: &Scene, stages: &Stages) {
             let listed = rest.next_if(|&&next| next == id).is_some();
             assert!(inside || !listed, "{}: splat {id} outside its rectangle", scene.name);
             if inside && !listed {
-                let least = least_quad(&stages.projected[id as usize], tile, &scene.camera);
-                assert!(least > reach, "{}: tile {tile:?} lacks splat {id}", scene.name);
+                let smallest = smallest_quad(&stages.projected[id as usize], tile, &scene.camera);
+                assert!(smallest > reach, "{}: tile {tile:?} lacks splat {id}", scene.name);
             }
         }
         assert_eq!(rest.next(), None, "{}: tile {tile:?} out of order", scene.name);

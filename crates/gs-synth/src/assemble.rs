@@ -7,9 +7,9 @@ use crate::{
     math::{normal3, quat_from_axes, rng, round_count, row_id, uniform, wide},
     paint::{self, Material, Occluder},
     part::{Kind, Part},
-    rig::{Attach, Frame, Rig},
     sampler::{Point, scatter},
     scene::{SplatTruth, Stray, View, Wobble},
+    skeleton::{Attach, BoneMotions, Skeleton},
     stage,
 };
 use glam::{Quat, Vec3};
@@ -38,13 +38,13 @@ const NOMINAL_SIZE: f32 = 1.8;
 
 /// Poses and lights the bodies and adds the errors.
 pub(crate) fn assemble(
-    rig: Rig,
+    skeleton: Skeleton,
     groups: &[Group],
     flaws: Flaws,
     sh_degree: usize,
     seed: u64,
 ) -> SynthScene {
-    let frame = rig.posing();
+    let frame = skeleton.posing();
     let mut placement = rng(seed, 1);
     let mut points = Vec::new();
     for group in groups {
@@ -67,7 +67,7 @@ pub(crate) fn assemble(
     }
     let (low, high) = bounds(&splats.means, &rows);
     let (figure_size, center) = ((high - low).max_element(), (low + high) / 2.0);
-    let view = view(&rig, &splats, &rows);
+    let view = view(&skeleton, &splats, &rows);
     let mut strays = Vec::new();
     mark_outliers(&mut rows, &mut strays, flaws.outliers, figure_size, &mut rng(seed, 4));
     add_floaters(
@@ -82,26 +82,26 @@ pub(crate) fn assemble(
     } else {
         Vec::new()
     };
-    SynthScene { rig, frame1: splats, rows, wobbles, strays, figure_size, view }
+    SynthScene { skeleton, frame1: splats, rows, wobbles, strays, figure_size, view }
 }
 
 /// Converts points to lit splats of frame 1.
 #[derive(Debug)]
 pub(crate) struct SplatBuilder<'a> {
-    frame: &'a Frame,
+    frame: &'a BoneMotions,
     occluders: Vec<Occluder>,
     sh_degree: usize,
 }
 
 impl<'a> SplatBuilder<'a> {
-    fn new(frame: &'a Frame, points: &[Point], sh_degree: usize) -> Self {
+    fn new(frame: &'a BoneMotions, points: &[Point], sh_degree: usize) -> Self {
         let has = |part: Part| points.iter().any(|point| point.part == part);
         Self::with_parts(frame, has(Part::Chest), has(Part::Column), sh_degree)
     }
 
     /// `frame` maps the bind pose to frame 1.
     pub(crate) fn with_parts(
-        frame: &'a Frame,
+        frame: &'a BoneMotions,
         has_figure: bool,
         has_props: bool,
         sh_degree: usize,
@@ -236,10 +236,10 @@ fn bounds(means: &[[f32; 3]], rows: &[SplatTruth]) -> (Vec3, Vec3) {
 }
 
 /// Bounding box of the moving splats over the clip.
-fn view(rig: &Rig, splats: &Splats, rows: &[SplatTruth]) -> View {
+fn view(skeleton: &Skeleton, splats: &Splats, rows: &[SplatTruth]) -> View {
     let (mut low, mut high) = bounds(&splats.means, rows);
     for t in [0.2, 0.4, 0.5, 0.6, 0.8, 1.0] {
-        let frame = rig.motion(t);
+        let frame = skeleton.motion(t);
         // every eighth splat suffices for a bounding box
         for (mean, row) in splats.means.iter().zip(rows).step_by(8) {
             if !Part::SCENERY.contains(&row.part) {
@@ -255,7 +255,7 @@ fn view(rig: &Rig, splats: &Splats, rows: &[SplatTruth]) -> View {
     View { center: center.into(), extent }
 }
 
-/// Gives a share of the moving surface splats a wrong motion.
+/// Assigns a wrong motion to a share of the moving surface splats.
 fn mark_outliers(
     rows: &mut [SplatTruth],
     strays: &mut Vec<Stray>,

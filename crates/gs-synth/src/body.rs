@@ -3,8 +3,8 @@
 use crate::{
     paint::{Material, Spot},
     part::Part,
-    rig::Attach,
     shape::Shape,
+    skeleton::Attach,
 };
 use glam::Vec3;
 

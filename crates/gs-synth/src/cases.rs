@@ -10,7 +10,7 @@ use crate::{
     figure,
     math::round_count,
     part::Part,
-    rig::Rig,
+    skeleton::Skeleton,
     stage,
 };
 use gs_core::Camera;
@@ -18,6 +18,7 @@ use std::{f64::consts::PI, fmt, ops::RangeInclusive, str::FromStr};
 
 /// A test scene with known motion, named after the tested property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum TruthCase {
     /// Only colours change.
     Recolour,
@@ -45,7 +46,7 @@ pub enum TruthCase {
     GrazingLimb,
     /// Two bodies that touch at frame 1 move apart; jittered and split.
     TouchAndPart,
-    /// The figure turns by 180° over the clip; a jacket and a hat.
+    /// The figure rotates by 180° over the clip; a jacket and a hat.
     FastRotation,
     /// A sheet stretches by a third and billows; a layer laid over it.
     StretchingCloth,
@@ -197,7 +198,7 @@ fn source(case: TruthCase, seed: u64, size: usize) -> SynthScene {
         _ => calm,
     };
     let groups = [Group { bodies, num_surface, num_interior }];
-    assemble(Rig { dance }, &groups, flaws, 1, seed)
+    assemble(Skeleton { dance }, &groups, flaws, 1, seed)
 }
 
 /// Bodies and their share of interior splats.
@@ -255,27 +256,27 @@ fn edits(case: TruthCase) -> Vec<Edit> {
             vec![dress([0.01, 0.025])]
         }
         TruthCase::ShuffledRows => vec![recolour(), Edit::Shuffle],
-        TruthCase::ScaleObject => vec![Edit::Place {
+        TruthCase::ScaleObject => vec![Edit::Transform {
             region: Region::parts(&[Part::Held]),
             scale: 1.5,
-            turn_rad: [0.0; 3],
+            rotation_rad: [0.0; 3],
             shift: [0.0; 3],
         }],
-        TruthCase::TurnHead => vec![Edit::Place {
+        TruthCase::TurnHead => vec![Edit::Transform {
             region: Region::parts(&[Part::Head]),
             scale: 1.0,
-            turn_rad: [0.1, 0.7, 0.0],
+            rotation_rad: [0.1, 0.7, 0.0],
             shift: [0.0; 3],
         }],
         TruthCase::MoveObject => {
             let held = || Region::parts(&[Part::Held]);
-            let place = Edit::Place {
+            let transform = Edit::Transform {
                 region: held(),
                 scale: 0.8,
-                turn_rad: [0.0, 0.5, 0.3],
+                rotation_rad: [0.0, 0.5, 0.3],
                 shift: [-0.03, -0.04, 0.0],
             };
-            vec![place, jitter(held())]
+            vec![transform, jitter(held())]
         }
         TruthCase::Everything => vec![
             Edit::Blocky { parts: vec![Part::Head, Part::ForearmL, Part::ShinR] },

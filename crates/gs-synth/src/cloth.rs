@@ -72,7 +72,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn derivatives_are_derivatives() {
+    fn derivatives_match_differences() {
         let (x, y, t, h) = (0.3, 0.9, 0.6, 1e-6);
         let (_, along_x, along_y) = surface(x, y, t);
         let numeric_x = (surface(x + h, y, t).0 - surface(x - h, y, t).0) / (2.0 * h);

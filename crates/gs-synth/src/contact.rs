@@ -4,7 +4,7 @@ use crate::{
     SynthScene,
     math::wide,
     part::{Bone, Kind, Part},
-    rig::{Attach, Frame},
+    skeleton::{Attach, BoneMotions},
 };
 use glam::{DVec3, Vec3};
 use std::collections::{HashMap, HashSet};
@@ -22,7 +22,7 @@ type Cell = [i32; 3];
 pub(crate) fn mask(source: &SynthScene, edited: &SynthScene, scored: &[bool]) -> Vec<bool> {
     let radius = NEAR * source.figure_size;
     let grid = Grid::build(source, radius);
-    let frames = TIMES.map(|t| source.rig.motion(t));
+    let frames = TIMES.map(|t| source.skeleton.motion(t));
     let limit = ASTRAY * f64::from(source.figure_size);
     edited
         .rows
@@ -40,7 +40,7 @@ pub(crate) fn mask(source: &SynthScene, edited: &SynthScene, scored: &[bool]) ->
 }
 
 /// Whether the motions `own` and `other` move `x` apart by more than `limit`.
-fn strays(frames: &[Frame], x: DVec3, own: Attach, other: Attach, limit: f64) -> bool {
+fn strays(frames: &[BoneMotions], x: DVec3, own: Attach, other: Attach, limit: f64) -> bool {
     frames.iter().any(|frame| (frame.point(own, x) - frame.point(other, x)).length() > limit)
 }
 
@@ -72,9 +72,9 @@ impl Grid {
         let mut bones_in: HashSet<(Cell, Bone)> = HashSet::new();
         let mut bones_around: HashMap<Cell, u32> = HashMap::new();
         for (row, mean) in source.rows.iter().zip(&source.frame1.means) {
-            let trusted = matches!(row.kind, Kind::Surface | Kind::Interior);
+            let moves_with_part = matches!(row.kind, Kind::Surface | Kind::Interior);
             let x = Vec3::from(*mean);
-            if trusted && taken.insert((cell_of(x, radius / 4.0), row.attach.bone as u8)) {
+            if moves_with_part && taken.insert((cell_of(x, radius / 4.0), row.attach.bone as u8)) {
                 let cell = cell_of(x, radius);
                 cells.entry(cell).or_default().push((x, row.attach));
                 if bones_in.insert((cell, row.attach.bone)) {

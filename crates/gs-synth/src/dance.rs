@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 pub(crate) struct Dance {
     /// The left arm's movement.
     pub(crate) arm: Arm,
-    /// Turn of the whole figure about the vertical over the clip, radians. Not periodic.
+    /// Rotation of the whole figure about the vertical over the clip, radians. Not periodic.
     pub(crate) spin_rad: f64,
     /// Angle of the left arm away from the body at frame 1, radians.
     pub(crate) abduct_rad: f64,
@@ -53,15 +53,15 @@ pub(crate) fn pivot(bone: Bone) -> DVec3 {
     }
 }
 
-fn turn_x(degrees: f64) -> DQuat {
+fn rotation_x(degrees: f64) -> DQuat {
     DQuat::from_rotation_x(degrees.to_radians())
 }
 
-fn turn_y(degrees: f64) -> DQuat {
+fn rotation_y(degrees: f64) -> DQuat {
     DQuat::from_rotation_y(degrees.to_radians())
 }
 
-fn turn_z(degrees: f64) -> DQuat {
+fn rotation_z(degrees: f64) -> DQuat {
     DQuat::from_rotation_z(degrees.to_radians())
 }
 
@@ -85,60 +85,63 @@ impl Dance {
             Bone::Pelvis => {
                 let swing = (PI * t / 2.0).sin().powi(2);
                 shift = DVec3::new(sway_m, -0.008 * sway * sway, 0.0);
-                DQuat::from_rotation_y(self.spin_rad * swing) * turn_z(tilt)
+                DQuat::from_rotation_y(self.spin_rad * swing) * rotation_z(tilt)
             }
             Bone::Chest => {
                 scale = 1.0 + 0.018 * wave(2.0 * t);
-                turn_y(13.0 * (phase + 0.4).sin()) * turn_z(-4.0 * sway) * turn_x(4.0 * wave(t))
+                rotation_y(13.0 * (phase + 0.4).sin())
+                    * rotation_z(-4.0 * sway)
+                    * rotation_x(4.0 * wave(t))
             }
             Bone::Head => {
                 scale = 1.0 / (1.0 + 0.018 * wave(2.0 * t));
-                turn_y(-12.0 * (phase + 0.7).sin())
-                    * turn_x(4.0 * (2.0 * phase).sin())
-                    * turn_z(5.0 * phase.cos() - 3.0)
+                rotation_y(-12.0 * (phase + 0.7).sin())
+                    * rotation_x(4.0 * (2.0 * phase).sin())
+                    * rotation_z(5.0 * phase.cos() - 3.0)
             }
             Bone::UpperArmL => {
                 scale = 1.0 / (1.0 + 0.018 * wave(2.0 * t));
                 match self.arm {
                     Arm::Across => {
                         let e = wave(t);
-                        turn_z(self.abduct_rad.to_degrees() * (1.0 - e) + 7.0 * e)
-                            * turn_x(-4.0 - 31.0 * e)
-                            * turn_y(-72.0 * e)
+                        rotation_z(self.abduct_rad.to_degrees() * (1.0 - e) + 7.0 * e)
+                            * rotation_x(-4.0 - 31.0 * e)
+                            * rotation_y(-72.0 * e)
                     }
                     Arm::Along => {
-                        DQuat::from_rotation_z(self.abduct_rad) * turn_x(28.0 * phase.cos() - 12.0)
+                        DQuat::from_rotation_z(self.abduct_rad)
+                            * rotation_x(28.0 * phase.cos() - 12.0)
                     }
                 }
             }
             Bone::ForearmL => match self.arm {
-                Arm::Across => turn_x(-12.0 - 84.0 * wave(t)),
-                Arm::Along => turn_x(-7.0),
+                Arm::Across => rotation_x(-12.0 - 84.0 * wave(t)),
+                Arm::Along => rotation_x(-7.0),
             },
             Bone::UpperArmR => {
                 scale = 1.0 / (1.0 + 0.018 * wave(2.0 * t));
                 let e = wave(t - 0.06);
-                turn_z(-11.0 - 104.0 * e) * turn_x(-6.0) * turn_y(-88.0 * e)
+                rotation_z(-11.0 - 104.0 * e) * rotation_x(-6.0) * rotation_y(-88.0 * e)
             }
             Bone::ForearmR => {
                 let e = wave(t - 0.06);
-                turn_x(-15.0 - 45.0 * e - 20.0 * e * (3.0 * phase).sin())
+                rotation_x(-15.0 - 45.0 * e - 20.0 * e * (3.0 * phase).sin())
             }
-            Bone::ThighL => turn_z(roll) * turn_x(-36.0 * lift(sway)),
-            Bone::ThighR => turn_z(roll) * turn_x(-36.0 * lift(-sway)),
-            Bone::ShinL => turn_x(58.0 * lift(sway)),
-            Bone::ShinR => turn_x(58.0 * lift(-sway)),
-            Bone::FootL => turn_x(-10.0 * lift(sway)) * turn_z(-roll - tilt),
-            Bone::FootR => turn_x(-10.0 * lift(-sway)) * turn_z(-roll - tilt),
+            Bone::ThighL => rotation_z(roll) * rotation_x(-36.0 * lift(sway)),
+            Bone::ThighR => rotation_z(roll) * rotation_x(-36.0 * lift(-sway)),
+            Bone::ShinL => rotation_x(58.0 * lift(sway)),
+            Bone::ShinR => rotation_x(58.0 * lift(-sway)),
+            Bone::FootL => rotation_x(-10.0 * lift(sway)) * rotation_z(-roll - tilt),
+            Bone::FootR => rotation_x(-10.0 * lift(-sway)) * rotation_z(-roll - tilt),
             Bone::ObjectA => {
                 let e = (PI * t / 2.0).sin().powi(2);
                 shift = DVec3::new(-0.55 * e, 0.12 * wave(t), 0.15 * e);
-                turn_z(95.0 * e) * turn_y(30.0 * e)
+                rotation_z(95.0 * e) * rotation_y(30.0 * e)
             }
             Bone::ObjectB => {
                 let e = (PI * t / 2.0).sin().powi(2);
                 shift = DVec3::new(0.25 * e, 0.0, -0.2 * e);
-                turn_y(-50.0 * e) * turn_z(-12.0 * e)
+                rotation_y(-50.0 * e) * rotation_z(-12.0 * e)
             }
         };
         Pose::about(pivot(bone), scale, rotation, shift)

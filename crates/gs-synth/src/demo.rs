@@ -7,7 +7,7 @@ use crate::{
     figure,
     math::{apportion, round_count},
     part::Part,
-    rig::Rig,
+    skeleton::Skeleton,
     stage,
 };
 use std::ops::RangeInclusive;
@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 pub struct DemoParams {
     /// Exact number of Gaussians. Default 30 000, at least 1 000.
     pub num_splats: usize,
-    /// Seed of every random choice. Default 0.
+    /// Random seed. Default 0.
     pub seed: u64,
     /// Degree of the spherical harmonics, 0–3; highlights need 1. Default 1.
     pub sh_degree: usize,
@@ -76,8 +76,8 @@ pub fn demo(params: &DemoParams) -> Result<SynthScene, SynthError> {
         num_floaters,
         outliers: 0.0,
     };
-    let rig = Rig { dance: Dance::default() };
-    Ok(assemble(rig, &groups, flaws, params.sh_degree, params.seed))
+    let skeleton = Skeleton { dance: Dance::default() };
+    Ok(assemble(skeleton, &groups, flaws, params.sh_degree, params.seed))
 }
 
 fn check(params: &DemoParams) -> Result<(), SynthError> {

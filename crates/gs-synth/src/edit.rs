@@ -5,13 +5,13 @@ mod blocky;
 mod clothing;
 mod draft;
 mod graft;
-mod place;
 mod region;
+mod transform;
 
 use crate::{
     EditedFrame, SynthError, SynthScene,
     math::{normal, normal3, rng, uniform},
-    paint::{luma, turn_hue},
+    paint::{luma, rotate_hue},
     part::{Part, Tag},
     truth,
 };
@@ -24,6 +24,7 @@ pub use region::Region;
 
 /// New colours. The baked light is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Paint {
     /// One colour (sRGB, 0–1), without texture.
     Solid([f32; 3]),
@@ -37,6 +38,7 @@ pub enum Paint {
 
 /// One step of an editing session. Lengths are relative to the figure size.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Edit {
     /// New colours, same geometry.
     Recolour {
@@ -88,15 +90,15 @@ pub enum Edit {
         /// Noise of the logarithms of the scales.
         log_scale: f32,
     },
-    /// The region is scaled and rotated about its centre, then translated, as a whole; its
+    /// The region is scaled and rotated about its centre, then translated, as a whole. Its
     /// attachment to bones does not change.
-    Place {
+    Transform {
         /// Affected region.
         region: Region,
         /// Scale factor.
         scale: f32,
         /// Rotation vector, radians.
-        turn_rad: [f32; 3],
+        rotation_rad: [f32; 3],
         /// Displacement, figure sizes.
         shift: [f32; 3],
     },
@@ -111,7 +113,7 @@ pub enum Edit {
 
 /// Applies `edits` in order to the frame-1 splats of `scene`.
 ///
-/// Splats that no edit touches stay bit-identical. The truth uses the source's rig without noise.
+/// Splats that no edit affects are bit-identical. The truth uses the source's skeleton without noise.
 ///
 /// # Errors
 /// If a parameter is out of range or an edit needs a figure the scene does not have.
@@ -128,7 +130,7 @@ pub fn apply_edits(
 pub(crate) enum Removal {
     /// They are removed.
     Whole,
-    /// They stay, marked in [`Draft::removed`].
+    /// They remain, marked in [`Draft::removed`].
     Marked,
 }
 
@@ -155,7 +157,8 @@ pub(crate) fn drafted(
                     copies: *copies,
                     jitter: jitter * size,
                 };
-                let worn = clothing::dress(&mut draft, &scene.rig.posing(), region, wear, &mut rng);
+                let worn =
+                    clothing::dress(&mut draft, &scene.skeleton.posing(), region, wear, &mut rng);
                 if let Some(paint) = paint {
                     recolour(&mut draft, &worn, *paint);
                 }
@@ -169,10 +172,10 @@ pub(crate) fn drafted(
                 let noise = [position * scene.figure_size(), *angle_rad, *log_scale];
                 drift(&mut draft, region, noise, &mut rng);
             }
-            Edit::Place { region, scale, turn_rad, shift } => {
+            Edit::Transform { region, scale, rotation_rad, shift } => {
                 let shift = shift.map(|share| share * scene.figure_size());
-                let by = (*scale, *turn_rad, shift);
-                place::place(&mut draft, &scene.rig.posing(), region, by);
+                let by = (*scale, *rotation_rad, shift);
+                transform::transform(&mut draft, &scene.skeleton.posing(), region, by);
             }
             Edit::Remove { region } => {
                 let gone = draft.mask_of(region);
@@ -218,15 +221,15 @@ impl Edit {
                 share("angle_rad", *angle_rad, 4.0, "0 to 4")?;
                 share("log_scale", *log_scale, 4.0, "0 to 4")
             }
-            Self::Place { scale, turn_rad, shift, .. } => {
+            Self::Transform { scale, rotation_rad, shift, .. } => {
                 if !(0.01..=100.0).contains(scale) {
                     return Err(SynthError::param("scale", scale, "0.01 to 100"));
                 }
                 let largest = |v: &[f32; 3]| v.iter().fold(0.0, |m: f32, c| m.max(c.abs()));
-                let finite = turn_rad.iter().chain(shift).all(|c| c.is_finite());
+                let finite = rotation_rad.iter().chain(shift).all(|c| c.is_finite());
                 share(
-                    "turn_rad",
-                    if finite { largest(turn_rad) } else { f32::NAN },
+                    "rotation_rad",
+                    if finite { largest(rotation_rad) } else { f32::NAN },
                     7.0,
                     "-7 to 7",
                 )?;
@@ -255,7 +258,7 @@ fn recolour(draft: &mut Draft, rows: &[usize], paint: Paint) {
         let new = match paint {
             Paint::Solid(rgb) => Vec3::from(rgb),
             Paint::Tint(rgb) => Vec3::from(rgb) * (0.35 + 0.65 * luma(old) / mean),
-            Paint::Hue(angle_rad) => turn_hue(old, angle_rad),
+            Paint::Hue(angle_rad) => rotate_hue(old, angle_rad),
             Paint::Jacket => clothing::jacket(&draft.rows[i]),
         };
         let lit = (new * draft.rows[i].shade).clamp(Vec3::ZERO, Vec3::ONE);

@@ -5,8 +5,8 @@ use crate::{
     math::smoothstep,
     paint::{HAIR, Material, Occluder, SKIN, Spot, blob, matt, rgb, ripple, shiny, stripes},
     part::{Bone, Part},
-    rig::Attach,
     shape::{Ring, Shape, ring},
+    skeleton::Attach,
 };
 use glam::{Mat3, Vec3};
 

@@ -23,7 +23,7 @@ use crate::{SynthError, math::rng};
 use gs_core::{DynamicScene, Splats, quat};
 use gs_deform::{HexPlaneField, HexPlaneNetwork, HexPlaneScene};
 use layer::PANEL;
-use model::{Layout, Scratch};
+use model::{ParameterLayout, Scratch};
 pub use params::FitParams;
 use rand::RngExt;
 use rayon::prelude::*;
@@ -50,6 +50,7 @@ pub struct FittedField {
 
 /// Errors of a trained network.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct FitResidual {
     /// Mean distance of centres from the scene's, % of the figure size.
     pub mean: f64,
@@ -84,7 +85,7 @@ pub fn fit_hexplane(
     let times = scene.time_range().frames(params.num_times);
     let canonical = scene.at(times[0])?;
     let aabb = bounds(&canonical);
-    let layout = Layout::new(params);
+    let layout = ParameterLayout::new(params);
     let mut random = rng(params.seed, 77);
     let mut weights = layout.initial(&mut random);
     let samples = samples(scene, &canonical, &times, aabb, figure_size)?;
@@ -98,12 +99,12 @@ pub fn fit_hexplane(
 }
 
 fn check(params: &FitParams, figure_size: f32) -> Result<(), SynthError> {
-    for (name, value, least) in [
+    for (name, value, minimum) in [
         ("resolution", params.resolution, 2),
         ("time_resolution", params.time_resolution, 2),
         ("num_times", params.num_times, 2),
     ] {
-        if !(least..=512).contains(&value) {
+        if !(minimum..=512).contains(&value) {
             return Err(SynthError::param(name, value, "2 to 512"));
         }
     }
@@ -144,7 +145,7 @@ fn samples<'a>(
     let place = |mean: &[f32; 3]| {
         [0, 1, 2].map(|axis| (mean[axis] - high[axis]) * (2.0 / (low[axis] - high[axis])) - 1.0)
     };
-    let (mut shifts, mut turns) = (Vec::new(), Vec::new());
+    let (mut shifts, mut rotations) = (Vec::new(), Vec::new());
     let mut at = Splats::default();
     for &t in times {
         scene.geometry_into(t, &mut at)?;
@@ -158,14 +159,14 @@ fn samples<'a>(
             let to = quat::align(*to, *from);
             [0, 1, 2, 3].map(|i| to[i] - from[i])
         };
-        turns.push(pairs.map(turn).collect());
+        rotations.push(pairs.map(turn).collect());
     }
     let places = canonical.means.iter().map(place).collect();
-    Ok(Samples { places, times, shifts, turns, figure_size })
+    Ok(Samples { places, times, shifts, rotations, figure_size })
 }
 
 fn train(
-    layout: &Layout,
+    layout: &ParameterLayout,
     samples: &Samples<'_>,
     params: &FitParams,
     random: &mut rand_pcg::Pcg64,
@@ -175,7 +176,8 @@ fn train(
     let times = crate::math::row_id(samples.times.len());
     let mut groups: Vec<(Vec<f32>, Scratch)> =
         vec![(vec![0.0; layout.len], Scratch::default()); GROUPS];
-    let mut adam = Adam { first: vec![0.0; layout.len], second: vec![0.0; layout.len], steps: 0 };
+    let mut adam =
+        FitAdam { first: vec![0.0; layout.len], second: vec![0.0; layout.len], steps: 0 };
     let arch = pulp::Arch::new();
     for step in 0..params.steps {
         let mut picks = vec![[(0, 0); PANEL]; PANELS];
@@ -206,13 +208,13 @@ fn train(
 /// Adam over all weights, with the sum of the groups' gradients; its second moment decays faster
 /// than usual, for the short training. Not `gs_fit::Adam`: this crate depends on no method that it
 /// tests.
-struct Adam {
+struct FitAdam {
     first: Vec<f32>,
     second: Vec<f32>,
     steps: i32,
 }
 
-impl Adam {
+impl FitAdam {
     fn step(&mut self, weights: &mut [f32], grads: &[&[f32]], plane_params: usize, fade: f32) {
         const BETA: [f32; 2] = [0.9, 0.99];
         self.steps += 1;
@@ -271,7 +273,7 @@ mod tests {
     fn gradients_equal_finite_differences() {
         let scene = build(TruthCase::TouchAndPart, 1, 500).unwrap();
         let small = FitParams { resolution: 3, ..params() };
-        let layout = Layout::new(&small);
+        let layout = ParameterLayout::new(&small);
         let mut random = rng(5, 5);
         let mut weights = layout.initial(&mut random);
         // Moved away from the initial weights, where time planes
@@ -317,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn a_network_follows_its_scene_on_any_number_of_threads() {
+    fn a_network_approximates_its_scene_on_any_number_of_threads() {
         let scene = build(TruthCase::TouchAndPart, 0, 600).unwrap();
         let on = |threads: usize, params: FitParams| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -1,9 +1,9 @@
 //! Seeded dynamic scenes, edits of their first frame, and the true motion of both.
 //!
 //! Contents: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and
-//! [`deliver()`], the same edits made by an editor that works on images; [`Truth`], the true motion
-//! of every edited splat; [`build`], hard cases; [`build_brief`],
-//! cases whose splats live briefly; [`motion_error`], the score. Every result is a
+//! [`apply_visible_edits()`], the same edits made by an editor that works on images; [`Truth`], the true motion
+//! of every edited splat; [`build`], hard cases; [`build_short_lived`],
+//! cases with short-lived splats; [`motion_error`], the score. Every result is a
 //! function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
 //!
 //! Conventions: world units are approximately metres, y is up, a figure stands on y = 0 at the
@@ -27,15 +27,12 @@
 
 mod assemble;
 mod body;
-mod brief;
-mod brief_cases;
 mod cameras;
 mod cases;
 mod cloth;
 mod contact;
 mod control;
 mod dance;
-mod deliver;
 mod demo;
 mod edit;
 mod error;
@@ -48,18 +45,18 @@ mod oracle;
 mod paint;
 mod part;
 mod pose;
-mod rig;
 mod sampler;
 mod scene;
 mod shape;
+mod short_lived;
+mod short_lived_cases;
+mod skeleton;
 mod stage;
 mod truth;
+mod visible_edits;
 
-pub use brief::{BriefParams, BriefScene};
-pub use brief_cases::{BriefCase, BriefTruth, BriefTruthScene, build_brief};
 pub use cases::{CASE_SIZES, TruthCase, TruthScene, build};
 pub use control::rigid_neighbors;
-pub use deliver::{PICTURE_WEIGHT, UnseenColor, deliver};
 pub use demo::{DemoParams, demo, demo_edits};
 pub use edit::{Edit, Graft, Paint, Region, apply_edits};
 pub use error::SynthError;
@@ -69,7 +66,12 @@ pub use metric::{MotionError, motion_error, motion_error_of};
 pub use oracle::{PartBy, part_neighbors};
 pub use part::{Bone, Kind, Part, Tag};
 pub use scene::{SplatTruth, SynthScene};
+pub use short_lived::{ShortLivedParams, ShortLivedScene};
+pub use short_lived_cases::{
+    ShortLivedCase, ShortLivedTruth, ShortLivedTruthScene, build_short_lived,
+};
 pub use truth::{EditedFrame, Truth};
+pub use visible_edits::{PICTURE_WEIGHT, UnseenColor, apply_visible_edits};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -6,6 +6,7 @@ use gs_core::{DynamicScene, Splats, quantile, quat};
 
 /// Scores of a predicted motion against the truth, over all times and scored splats.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct MotionError {
     /// Mean end-point error, % of the figure size.
     pub epe: f64,
@@ -41,7 +42,7 @@ pub fn motion_error(
 /// As [`motion_error`], on the rows of `mask` only (`[M]`), instead of the truth's own mask.
 ///
 /// # Errors
-/// As [`motion_error`], and if the mask has another length.
+/// As [`motion_error`], and if the length of the mask differs.
 pub fn motion_error_of(
     predicted: &dyn DynamicScene,
     truth: &Truth,

@@ -37,14 +37,15 @@ pub fn part_neighbors(
     by: PartBy,
 ) -> Result<Vec<Vec<(u32, f32)>>, SynthError> {
     let frame1 = source.frame1();
-    let trusted = |i: &usize| matches!(source.rows()[*i].kind, Kind::Surface | Kind::Interior);
+    let moves_with_part =
+        |i: &usize| matches!(source.rows()[*i].kind, Kind::Surface | Kind::Interior);
     let mut parts: BTreeMap<Part, Vec<usize>> = BTreeMap::new();
-    for i in (0..frame1.len()).filter(trusted) {
+    for i in (0..frame1.len()).filter(moves_with_part) {
         parts.entry(source.rows()[i].part).or_default().push(i);
     }
     let trees: BTreeMap<Part, Tree> =
         parts.into_iter().map(|(part, ids)| (part, Tree::new(frame1, ids))).collect();
-    let all = Tree::new(frame1, (0..frame1.len()).filter(trusted).collect());
+    let all = Tree::new(frame1, (0..frame1.len()).filter(moves_with_part).collect());
     let rows = (0..edited.splats.len()).map(|e| {
         let part = match by {
             PartBy::Truth => Some(edited.truth.parts[e]),

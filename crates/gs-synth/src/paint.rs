@@ -114,7 +114,7 @@ pub(crate) fn luma(rgb: Vec3) -> f32 {
 }
 
 /// Rotates the hue by `angle_rad` about the grey axis; grey is unchanged.
-pub(crate) fn turn_hue(rgb: Vec3, angle_rad: f32) -> Vec3 {
+pub(crate) fn rotate_hue(rgb: Vec3, angle_rad: f32) -> Vec3 {
     let grey = Vec3::splat(1.0 / 3.0_f32.sqrt());
     (glam::Quat::from_axis_angle(grey, angle_rad) * rgb).clamp(Vec3::ZERO, Vec3::ONE)
 }

@@ -102,7 +102,7 @@ impl Part {
     }
 }
 
-/// A rigid element of the rig. A parent always comes before its children.
+/// A rigid element of the skeleton. A parent always comes before its children.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Bone {
@@ -198,6 +198,7 @@ pub enum Kind {
 /// Effect of the last edit that affected a splat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Tag {
     /// Bit-identical to its source splat.
     Unchanged,
@@ -206,7 +207,7 @@ pub enum Tag {
     /// Slightly moved, rotated and scaled.
     Drifted,
     /// Scaled, rotated or moved together with its part.
-    Placed,
+    Transformed,
     /// Offset along its normal, or a clone of such a splat.
     Clothing,
     /// One half of a splat that was split.

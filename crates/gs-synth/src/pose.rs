@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inverse_undoes() {
+    fn inverse_round_trips() {
         let pose = Pose::about(
             DVec3::new(1.0, 2.0, 3.0),
             1.3,

@@ -6,8 +6,8 @@ use crate::{
     math::{apportion, normal3, uniform},
     paint::{Material, Spot},
     part::{Kind, Part},
-    rig::Attach,
     shape::{Sampler, Shape},
+    skeleton::Attach,
 };
 use glam::Vec3;
 use rand_pcg::Pcg64;

@@ -1,8 +1,8 @@
-//! [`SynthScene`]: splats on a rig, with exact motion at every time.
+//! [`SynthScene`]: splats on a skeleton, with exact motion at every time.
 
 use crate::{
     part::{Bone, Kind, Part},
-    rig::{Attach, Rig},
+    skeleton::{Attach, Skeleton},
 };
 use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, quat};
@@ -66,7 +66,7 @@ pub(crate) struct View {
 /// for bit. Colours and opacities are constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SynthScene {
-    pub(crate) rig: Rig,
+    pub(crate) skeleton: Skeleton,
     pub(crate) frame1: Splats,
     pub(crate) rows: Vec<SplatTruth>,
     /// Empty without trajectory noise.
@@ -115,7 +115,7 @@ impl SynthScene {
         if t == 0.0 {
             return;
         }
-        let frame = self.rig.motion(f64::from(t));
+        let frame = self.skeleton.motion(f64::from(t));
         for (i, row) in self.rows.iter().enumerate() {
             if !frame.is_still(row.attach) {
                 let moved = frame.splat(row.attach, out.means[i], out.quats[i], out.log_scales[i]);

@@ -44,8 +44,8 @@ fn column(x: f32, z: f32, height: f32) -> Body {
     )
 }
 
-fn crate_box(center: [f32; 3], half: f32, turn_rad: f32) -> Vec<Body> {
-    Shape::cuboid(Vec3::from(center), Mat3::from_rotation_y(turn_rad), Vec3::splat(half))
+fn crate_box(center: [f32; 3], half: f32, rotation_rad: f32) -> Vec<Body> {
+    Shape::cuboid(Vec3::from(center), Mat3::from_rotation_y(rotation_rad), Vec3::splat(half))
         .into_iter()
         .map(|face| Body::new(Part::Crate, face, planks))
         .collect()

@@ -96,7 +96,7 @@ pub(crate) fn finish(source: &SynthScene, draft: Draft) -> EditedFrame {
         })
         .collect();
     let scene = SynthScene {
-        rig: source.rig.clone(),
+        skeleton: source.skeleton.clone(),
         frame1: draft.splats.clone(),
         rows: draft.rows,
         wobbles: Vec::new(),

@@ -19,13 +19,13 @@ fn rows_of(scene: &TruthScene, part: Part) -> Vec<usize> {
 }
 
 fn nearest(splats: &Splats, a: &[usize], b: &[usize]) -> f32 {
-    let mut least = f32::INFINITY;
+    let mut smallest = f32::INFINITY;
     for &i in a {
         for &j in b {
-            least = least.min(Vec3::from(splats.means[i]).distance(splats.means[j].into()));
+            smallest = smallest.min(Vec3::from(splats.means[i]).distance(splats.means[j].into()));
         }
     }
-    least
+    smallest
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn cases_are_functions_of_their_seed() {
 }
 
 #[test]
-fn untouched_source_scores_its_own_noise() {
+fn unedited_source_scores_only_its_noise() {
     let scene = make(TruthCase::Recolour);
     let score = motion_error(&scene.source, &scene.edited.truth, &TIMES).unwrap();
     assert!((0.03..0.12).contains(&score.epe), "typical of a trained field: {score:?}");
@@ -148,7 +148,7 @@ fn placed_regions_move_rigidly_with_their_bones() {
         let scene = make(case);
         let truth = &scene.edited.truth;
         let rows: Vec<usize> =
-            (0..truth.tags.len()).filter(|&i| truth.tags[i] == Tag::Placed).collect();
+            (0..truth.tags.len()).filter(|&i| truth.tags[i] == Tag::Transformed).collect();
         assert!(rows.len() > 30, "{case}: {} splats", rows.len());
         let parent =
             |i: usize| truth.source_rows[i].expect("descends from a source splat") as usize;

@@ -100,7 +100,7 @@ fn recolouring_changes_colours_only() {
         let changed = (0..scene.num_splats())
             .filter(|&i| edited.splats.sh_of(i) != scene.frame1().sh_of(i))
             .all(|i| edited.truth.parts[i] == Part::Chest);
-        assert!(changed, "{paint:?} stays in its region");
+        assert!(changed, "{paint:?} is limited to its region");
         assert_ne!(edited.splats.sh, scene.frame1().sh, "{paint:?} changes colours");
     }
 }
@@ -145,7 +145,7 @@ fn pruning_and_splitting_give_the_requested_shares() {
         let parent = edited.truth.source_rows[i].unwrap() as usize;
         let gap = Vec3::from(edited.splats.means[i]).distance(scene.frame1().means[parent].into());
         let reach = scene.frame1().scale(parent).into_iter().fold(0.0, f32::max);
-        assert!(gap <= reach, "child {i} stays near its parent");
+        assert!(gap <= reach, "child {i} is near its parent");
     }
 }
 

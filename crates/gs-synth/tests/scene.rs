@@ -44,7 +44,7 @@ fn equal_seeds_give_equal_scenes() {
         assert_eq!(a.at(t).unwrap(), b.at(t).unwrap(), "t = {t}");
     }
     let other = demo(&DemoParams { seed: 6, ..params }).unwrap();
-    assert_ne!(a.frame1(), other.frame1(), "another seed");
+    assert_ne!(a.frame1(), other.frame1(), "a different seed");
 }
 
 #[test]

@@ -52,7 +52,8 @@ fn entries(splats: &Splats, camera: &Camera) -> Vec<Entry> {
 }
 
 fn context(timestamps: bool) -> Option<GpuContext> {
-    let options = GpuOptions { timestamps, ..GpuOptions::default() };
+    let mut options = GpuOptions::default();
+    options.timestamps = timestamps;
     let make = |choice| GpuContext::with_options(choice, options);
     let chosen = match std::env::var("C4D_BENCH_ADAPTER") {
         Ok(index) => make(AdapterChoice::Index(index.parse().unwrap_or(usize::MAX))),

@@ -66,7 +66,8 @@ impl DeviceAdam {
     /// call. `skip` has a flag per splat; rows whose flag is not 0 are unchanged, bit for bit.
     ///
     /// # Errors
-    /// If a slice has another shape than in the step before, or the device has too little memory.
+    /// If the shape of a slice differs from that of the step before, or the device has too little
+    /// memory.
     pub fn encode(
         &mut self,
         commands: &mut Commands<'_>,

@@ -1,11 +1,11 @@
 //! [`DeviceDescent`]: `cuar`'s Adam with images, gradients and moments on the device.
 
-use crate::descent_memory::{Image, Run, StepBuffers};
+use crate::descent_memory::{DeviceTargets, Run, StepBuffers};
 use crate::image_loss::{DeviceImage, ImageLosses};
 use crate::kernels::{
     CHANGE_COLORS, CHANGE_COLORS_BWD, COMPOSE, COMPOSE_BWD, Crop, GROUP_SIZE, Offsets,
 };
-use crate::weights::Weights;
+use crate::weights::TermWeights;
 use crate::{DeviceAdam, ParameterSlice};
 use cuar::loss::LossParts;
 use cuar::{DescentEngine, DescentImage, DescentTask};
@@ -27,14 +27,14 @@ const MAX_PENDING: usize = 256;
 #[derive(Debug)]
 pub struct DeviceDescent {
     raster: WgpuRasterizer,
-    weights: Weights,
+    weights: TermWeights,
     sh_degree: usize,
     /// Offsets and their gradients, in runs of rows that fit a binding.
     runs: Vec<Run>,
     adam: DeviceAdam,
-    images: HashMap<usize, Image>,
+    images: HashMap<usize, DeviceTargets>,
     /// Memory for an image that is not kept.
-    spare: Image,
+    spare: DeviceTargets,
     /// Free bytes for images.
     free: usize,
     work: StepBuffers,
@@ -62,12 +62,12 @@ impl DeviceDescent {
     pub fn new(raster: WgpuRasterizer) -> Result<Self, RasterError> {
         let context = raster.context();
         Ok(Self {
-            weights: Weights::default(),
+            weights: TermWeights::default(),
             sh_degree: 0,
             runs: Vec::new(),
             adam: DeviceAdam::new(context, &[])?,
             images: HashMap::new(),
-            spare: Image::default(),
+            spare: DeviceTargets::default(),
             free: 0,
             work: StepBuffers::new(),
             losses: ImageLosses::new(context, [1, 1], 3, TERMS * MAX_PENDING)?,
@@ -108,14 +108,14 @@ impl DeviceDescent {
         if self.images.contains_key(&image.index) {
             return Ok(());
         }
-        let bytes = Image::bytes(image);
+        let bytes = DeviceTargets::bytes(image);
         if bytes > self.free {
             // Waits, because otherwise uploads accumulate.
             self.collect()?;
             return Ok(self.spare.upload(self.raster.context(), image)?);
         }
         let context = self.raster.context();
-        let mut kept = Image::default();
+        let mut kept = DeviceTargets::default();
         kept.upload(context, image)?;
         self.images.insert(image.index, kept);
         self.free -= bytes;
@@ -141,7 +141,7 @@ impl DeviceDescent {
     fn encode_losses(
         &self,
         commands: &mut Commands<'_>,
-        own: &Image,
+        own: &DeviceTargets,
         full_pixels: usize,
     ) -> Result<(), GpuError> {
         let (context, work) = (self.raster.context(), &self.work);
@@ -151,7 +151,7 @@ impl DeviceDescent {
         let v_x = DeviceImage { buffer: v_render, first: 0 };
         let norm = 1.0 / (CHANNELS * full_pixels) as f32;
         let slot = index(context, TERMS * self.pending)?;
-        let Weights { fore_l1, fore_ssim, back_l1 } = self.weights;
+        let TermWeights { fore_l1, fore_ssim, back_l1 } = self.weights;
         let fore = (x, own.warp.get(context)?, work.fore.get(context)?);
         let back = (x, own.original.get(context)?, work.back.get(context)?);
         let losses = &self.losses;

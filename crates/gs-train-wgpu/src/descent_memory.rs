@@ -16,7 +16,7 @@ pub(crate) struct Run {
 
 /// Targets of a render.
 #[derive(Debug)]
-pub(crate) struct Image {
+pub(crate) struct DeviceTargets {
     pub original: GrowBuffer,
     pub warp: GrowBuffer,
     pub flags: GrowBuffer,
@@ -25,7 +25,7 @@ pub(crate) struct Image {
     pub uses: [bool; 2],
 }
 
-impl Default for Image {
+impl Default for DeviceTargets {
     fn default() -> Self {
         let [original, warp, flags, entries] =
             ["originals", "targets", "flags", "edited splats"].map(GrowBuffer::storage);
@@ -33,7 +33,7 @@ impl Default for Image {
     }
 }
 
-impl Image {
+impl DeviceTargets {
     /// Bytes on the device.
     pub(crate) fn bytes(image: &DescentImage) -> usize {
         4 * (image.original.len() + image.warp.len())

@@ -1,10 +1,10 @@
-//! [`Weights`] of the terms of a refinement's loss.
+//! [`TermWeights`]: weights of the terms of a refinement's loss.
 
 use cuar::loss::LossWeights;
 
 /// Weights of the terms of the loss, each a mean over all pixels and channels of the image.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Weights {
+pub(crate) struct TermWeights {
     /// Weight of `mean fore·|render − warp|`.
     pub fore_l1: f32,
     /// Weight of `1 − mean SSIM(fore·render, fore·warp)`.
@@ -13,7 +13,7 @@ pub(crate) struct Weights {
     pub back_l1: f32,
 }
 
-impl From<LossWeights> for Weights {
+impl From<LossWeights> for TermWeights {
     /// Eqs. 18 and 20: `(1 − ζ)((1 − η)·L1 + η·(1 − SSIM)) + ζ·L1 of the background`.
     #[expect(clippy::cast_possible_truncation, reason = "weights of a loss in single precision")]
     fn from(LossWeights { eta, zeta }: LossWeights) -> Self {

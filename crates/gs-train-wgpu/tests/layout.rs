@@ -1,4 +1,4 @@
-//! Training shaders and Rust agree and stay within the default limits. Needs no device.
+//! Training shaders agree with Rust and comply with the default limits. Needs no device.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -27,12 +27,15 @@ fn every_kernel_is_valid_in_core_wgsl_and_matches_rust() {
 }
 
 #[test]
-fn every_shader_file_is_used_and_says_what_it_needs() {
+fn every_shader_file_is_used_and_declares_its_needs() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders/train");
     for entry in std::fs::read_dir(folder).unwrap() {
         let file = format!("train/{}", entry.unwrap().file_name().to_str().unwrap());
         let part = KERNELS.iter().flat_map(|def| def.source.parts).find(|(name, _)| *name == file);
         let Some((_, text)) = part else { panic!("shaders/{file} is in no kernel") };
-        assert!(text.starts_with("// Needs: "), "shaders/{file} does not begin with what it needs");
+        assert!(
+            text.starts_with("// Needs: "),
+            "shaders/{file} does not begin with its `Needs:` line"
+        );
     }
 }

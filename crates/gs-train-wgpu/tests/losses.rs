@@ -62,7 +62,7 @@ fn expected(
 }
 
 #[test]
-fn losses_and_gradients_are_those_of_the_cpu() {
+fn losses_and_gradients_match_the_cpu() {
     let context = context();
     for size in SIZES {
         let pixels = (size[0] * size[1]) as usize;
@@ -95,10 +95,10 @@ fn losses_and_gradients_are_those_of_the_cpu() {
     }
 }
 
-/// Negative control: another mask gives another loss.
+/// Negative control: a different mask gives a different loss.
 #[test]
-#[should_panic(expected = "another mask")]
-fn another_mask_is_noticed() {
+#[should_panic(expected = "a different mask")]
+fn a_different_mask_is_detected() {
     let (size, pixels) = ([20, 20], 400);
     let mut losses = ImageLosses::new(&context(), size, 3, 2).unwrap();
     let [x, y] = images(3 * pixels);
@@ -107,13 +107,13 @@ fn another_mask_is_noticed() {
     let inputs = [&inputs[0][..], &inputs[1], &inputs[2]];
     let (_, v_x) = expected(true, size, 3, inputs, 1e-3);
     let (_, v_got) = losses.evaluate(true, &x, &y, &half, 1e-3).unwrap();
-    assert_grad_close("another mask", &widen(&v_got), &v_x, 1e-4);
+    assert_grad_close("a different mask", &widen(&v_got), &v_x, 1e-4);
 }
 
 /// Values outside the mask are ignored, even NaN. A NaN inside it makes the loss NaN, as on the
 /// CPU.
 #[test]
-fn numbers_that_are_none_behave_as_on_the_cpu() {
+fn nan_values_behave_as_on_the_cpu() {
     let (size, pixels) = ([19, 13], 247);
     let mut losses = ImageLosses::new(&context(), size, 3, 2).unwrap();
     let [mut x, mut y] = images(3 * pixels);
@@ -172,7 +172,7 @@ fn values(context: &GpuContext, buffer: &GrowBuffer, count: usize) -> Vec<f32> {
 }
 
 #[test]
-fn adam_is_that_of_the_cpu() {
+fn adam_matches_the_cpu() {
     let context = context();
     let rates = [0.1_f32, 0.0, 0.003];
     let rows = 700;

@@ -115,7 +115,7 @@ fn assert_same_run(what: &str, got: &Keeper, expected: &Keeper) {
 }
 
 #[test]
-fn steps_on_the_device_are_those_of_the_host() {
+fn steps_on_the_device_match_those_on_the_host() {
     let options = RefineOptions { preview_secs: Some(0.0), ..paper() };
     for mode in [Mode::Portable, Mode::Native] {
         let raster = raster(mode);
@@ -140,10 +140,10 @@ fn steps_on_the_device_are_those_of_the_host() {
     }
 }
 
-/// Negative control: another rate gives another result.
+/// Negative control: a different rate gives a different result.
 #[test]
 #[should_panic(expected = "d_sh differs")]
-fn another_rate_is_noticed() {
+fn a_different_rate_is_detected() {
     let raster = raster(Mode::Portable);
     let (mut there, mut here) = (Keeper::default(), Keeper::default());
     on_device(&raster, &paper(), None, &mut there).unwrap();
@@ -158,7 +158,7 @@ fn another_rate_is_noticed() {
 
 /// The whole stage, including images and masks, compared with the one on the host.
 #[test]
-fn the_paper_preset_is_that_of_the_cpu() {
+fn the_paper_preset_matches_the_cpu() {
     let raster = raster(Mode::Native);
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
     let (got, _) = on_device(&raster, &options, None, &mut NoRefineObserver).unwrap();
@@ -170,9 +170,9 @@ fn the_paper_preset_is_that_of_the_cpu() {
     let coeffs = splats.sh_coeffs();
     for row in (0..splats.len()).filter(|&row| !small().edited[row]) {
         let rows = row * coeffs..(row + 1) * coeffs;
-        assert_eq!(splats.sh[rows.clone()], before.sh[rows], "unedited row {row} stays");
+        assert_eq!(splats.sh[rows.clone()], before.sh[rows], "unedited row {row} is unchanged");
     }
-    assert_eq!(splats.means, before.means, "geometry stays");
+    assert_eq!(splats.means, before.means, "geometry is unchanged");
     let moved = |refined: &Refined| -> Vec<bool> {
         refined.d_sh.chunks(coeffs).map(|d| d.iter().any(|d| *d != [0.0; 3])).collect()
     };
@@ -201,7 +201,7 @@ fn assert_same_result(got: &Refined, expected: &Refined) {
 /// The least-squares solver uses the trait: forward and colour-only backward passes on the device,
 /// the rest on the host.
 #[test]
-fn the_default_solver_is_that_of_the_cpu() {
+fn the_default_solver_matches_the_cpu() {
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
     let expected = on_host(&CpuRasterizer::default(), &options, None, &mut NoRefineObserver);
     let (got, _) = on_device(&raster(Mode::Native), &options, None, &mut NoRefineObserver).unwrap();
@@ -209,7 +209,7 @@ fn the_default_solver_is_that_of_the_cpu() {
 }
 
 #[test]
-fn resumed_runs_end_bit_identical() {
+fn resumed_runs_are_bit_identical() {
     let raster = raster(Mode::Portable);
     let mut keeper = Keeper::default();
     let (whole, _) = on_device(&raster, &paper(), None, &mut keeper).unwrap();
@@ -235,7 +235,7 @@ fn resumed_runs_end_bit_identical() {
 
 /// Images that do not fit into memory are uploaded again; the result is bit-identical.
 #[test]
-fn a_small_memory_changes_nothing() {
+fn a_small_memory_budget_does_not_change_the_result() {
     let options = RefineOptions { checkpoint_secs: None, ..paper() };
     let whole = raster(Mode::Portable);
     let (expected, _) = on_device(&whole, &options, None, &mut NoRefineObserver).unwrap();
@@ -286,30 +286,32 @@ fn three_steps(raster: &WgpuRasterizer, rows: usize) -> (Vec<[f32; 3]>, cuar::Ad
 }
 
 /// Offsets, gradients and moments larger than a binding are split; the result is bit-identical.
-/// Rows that are not shown stay zero.
+/// Rows that are not visible stay zero.
 #[test]
-fn splitting_changes_nothing() {
+fn splitting_does_not_change_the_result() {
     let rows = 3_000;
-    let max_binding_bytes = Some(128 << 10);
     assert!(rows * 48 * 4 > 4 * (128 << 10), "five bindings");
-    let gpu = GpuOptions { portable: true, max_binding_bytes, ..GpuOptions::default() };
+    let mut gpu = GpuOptions::default();
+    gpu.portable = true;
+    gpu.max_binding_bytes = Some(128 << 10);
     let split = WgpuRasterizer::new(GpuContext::with_options(choice(), gpu).unwrap());
     let (d_sh, adam) = three_steps(&raster(Mode::Portable), rows);
     let in_pieces = three_steps(&split, rows);
     assert!((&d_sh, &adam) == (&in_pieces.0, &in_pieces.1), "the same bits");
     for (row, own) in d_sh.chunks(16).enumerate() {
         let moved = own.iter().flatten().any(|d| d.to_bits() != 0);
-        assert!(!moved || row % 3 == 0, "row {row} is not shown");
+        assert!(!moved || row % 3 == 0, "row {row} is not visible");
     }
     let last = d_sh.chunks(16).skip(2_700).filter(|own| own[0] != [0.0; 3]).count();
-    assert!(last > 20, "{last} of the last 100 rows shown moved");
+    assert!(last > 20, "{last} of the last 100 visible rows changed");
 }
 
 /// Too little memory for data that cannot be split is an error.
 #[test]
 fn too_little_memory_is_an_error() {
-    let gpu =
-        GpuOptions { portable: true, max_binding_bytes: Some(16 << 10), ..Default::default() };
+    let mut gpu = GpuOptions::default();
+    gpu.portable = true;
+    gpu.max_binding_bytes = Some(16 << 10);
     let raster = WgpuRasterizer::new(GpuContext::with_options(choice(), gpu).unwrap());
     let error = on_device(&raster, &paper(), None, &mut NoRefineObserver).unwrap_err().to_string();
     assert!(error.contains("bytes, more than graphics adapter"), "{error}");

@@ -8,7 +8,7 @@ use crate::transformer::{Gelu, LayerNames, LayerNorm, Transformer};
 use crate::weights::Weights;
 use ndarray::{Array1, Array2, Axis, concatenate};
 
-const KIND: &str = "those of Hugging Face's openai/clip-vit-base-patch32 or its like";
+const KIND: &str = "those of Hugging Face's openai/clip-vit-base-patch32 or a similar network";
 /// Epsilon of layer normalisation in OpenAI's networks.
 const EPSILON: f32 = 1e-5;
 
@@ -50,7 +50,7 @@ impl ClipNetwork {
     /// The network of these weights; all sizes follow from their shapes.
     ///
     /// # Errors
-    /// If a tensor is missing, has another shape, or is not finite.
+    /// If a tensor is missing, has a different shape, or is not finite.
     pub fn open(weights: &Weights) -> Result<Self, NetworkError> {
         let vision = |part: &str| format!("vision_model.{part}");
         let text = |part: &str| format!("text_model.{part}");
@@ -113,10 +113,10 @@ impl ClipNetwork {
         self.image_projection.nrows()
     }
 
-    /// Unit vector of features of a preprocessed image, which must have the network's size.
+    /// Unit vector of features, `[num_features]`, of a preprocessed image of the network's size.
     ///
     /// # Errors
-    /// If the image has another size.
+    /// If the image has a different size.
     pub fn image_features(&self, image: &Planes) -> Result<Vec<f32>, NetworkError> {
         let side = self.image_size();
         if image.width != side || image.height != side {
@@ -124,7 +124,7 @@ impl ClipNetwork {
                 width: image.width,
                 height: image.height,
                 len: image.values.len(),
-                least: side,
+                min_side: side,
             });
         }
         let patches = self.patches.apply(image);
@@ -135,8 +135,8 @@ impl ClipNetwork {
         Ok(unit(class.dot(&self.image_projection.t()).into_raw_vec_and_offset().0))
     }
 
-    /// Unit vector of features of a text, given as [`Tokenizer::encode`](crate::Tokenizer::encode)
-    /// returns it.
+    /// Unit vector of features, `[num_features]`, of a text encoded by
+    /// [`Tokenizer::encode`](crate::Tokenizer::encode).
     ///
     /// # Errors
     /// If a token is not in the vocabulary of the weights.

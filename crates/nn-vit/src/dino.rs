@@ -30,7 +30,7 @@ impl Dino {
     /// The network of these weights; all sizes follow from their shapes.
     ///
     /// # Errors
-    /// If a tensor is missing, has another shape, or is not finite.
+    /// If a tensor is missing, has a different shape, or is not finite.
     pub fn open(weights: &Weights) -> Result<Self, NetworkError> {
         let (embeddings, patch, norm) = if weights.has("embeddings.cls_token") {
             let [class, positions] = ["cls_token", "position_embeddings"];
@@ -80,7 +80,7 @@ impl Dino {
                 width: image.width,
                 height: image.height,
                 len: image.values.len(),
-                least: self.patches.size,
+                min_side: self.patches.size,
             });
         }
         let mut x = with_class(&self.class, &self.patches.apply(image));
@@ -89,8 +89,7 @@ impl Dino {
         Ok(unit(self.norm.apply(&row(&x, 0)).into_raw_vec_and_offset().0))
     }
 
-    /// Position embeddings of a grid of patches: those of the square grid of the training,
-    /// interpolated.
+    /// Position embeddings of a grid of patches, interpolated from those of the square training grid.
     fn positions_for(&self, rows: usize, columns: usize) -> Array2<f32> {
         let side = (self.positions.nrows() - 1).isqrt();
         if rows == side && columns == side {

@@ -12,7 +12,7 @@ pub enum NetworkError {
         /// The kind of weights expected.
         expected: &'static str,
     },
-    /// A tensor has another shape.
+    /// A tensor does not have the expected shape.
     #[error("tensor `{name}` has shape {found:?}, expected {expected:?}")]
     Shape {
         /// Name of the tensor.
@@ -36,7 +36,7 @@ pub enum NetworkError {
         /// The line.
         text: String,
     },
-    /// The vocabulary is too short.
+    /// The list of merges is too short.
     #[error("{found} merges, expected at least {expected}")]
     FewMerges {
         /// Number of merges.
@@ -44,9 +44,9 @@ pub enum NetworkError {
         /// Number of merges of CLIP.
         expected: usize,
     },
-    /// An image is too small, or its buffer has another size.
+    /// An image is too small, or the size of its buffer does not match.
     #[error(
-        "an image of {width}×{height} pixels and {len} bytes: expected 3 bytes per pixel and sides of {least} or more"
+        "an image of {width}×{height} pixels and {len} bytes: expected 3 bytes per pixel and sides of {min_side} or more"
     )]
     Image {
         /// Width, pixels.
@@ -56,6 +56,6 @@ pub enum NetworkError {
         /// Number of bytes.
         len: usize,
         /// Smallest side.
-        least: usize,
+        min_side: usize,
     },
 }

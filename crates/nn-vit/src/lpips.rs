@@ -15,6 +15,7 @@ const EPSILON: f32 = 1e-10;
 
 /// Networks of LPIPS.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LpipsBackbone {
     /// torchvision's `alexnet`; the default in papers.
     Alex,
@@ -24,7 +25,7 @@ pub enum LpipsBackbone {
 
 /// A step of a backbone.
 #[derive(Debug, Clone, Copy)]
-enum Step {
+enum BackboneStep {
     /// Index in torchvision's `features`; outputs, inputs, kernel; stride, padding.
     Convolution(usize, [usize; 3], [usize; 2]),
     /// Size and stride.
@@ -33,8 +34,8 @@ enum Step {
     Compare,
 }
 
-const ALEX: &[Step] = {
-    use Step::{Compare, Convolution, MaxPool};
+const ALEX: &[BackboneStep] = {
+    use BackboneStep::{Compare, Convolution, MaxPool};
     &[
         Convolution(0, [64, 3, 11], [4, 2]),
         Compare,
@@ -51,8 +52,8 @@ const ALEX: &[Step] = {
     ]
 };
 
-const VGG: &[Step] = {
-    use Step::{Compare, Convolution, MaxPool};
+const VGG: &[BackboneStep] = {
+    use BackboneStep::{Compare, Convolution, MaxPool};
     &[
         Convolution(0, [64, 3, 3], [1, 1]),
         Convolution(2, [64, 64, 3], [1, 1]),
@@ -80,7 +81,7 @@ const VGG: &[Step] = {
 };
 
 impl LpipsBackbone {
-    fn steps(self) -> &'static [Step] {
+    fn steps(self) -> &'static [BackboneStep] {
         match self {
             Self::Alex => ALEX,
             Self::Vgg => VGG,
@@ -88,7 +89,7 @@ impl LpipsBackbone {
     }
 
     /// Smallest side of an image, pixels: the last feature map has at least one pixel.
-    pub fn least_side(self) -> usize {
+    pub fn min_side(self) -> usize {
         match self {
             Self::Alex => 31,
             Self::Vgg => 16,
@@ -108,11 +109,11 @@ pub struct Lpips {
 }
 
 impl Lpips {
-    /// The network of a backbone's weights (`features.0.weight`, …) and of the heads
+    /// The network with these weights of the backbone (`features.0.weight`, …) and of the heads
     /// (`lin0.model.1.weight`, …).
     ///
     /// # Errors
-    /// If a tensor is missing, has another shape, or is not finite.
+    /// If a tensor is missing, has a different shape, or is not finite.
     pub fn open(
         backbone: LpipsBackbone,
         weights: &Weights,
@@ -122,13 +123,13 @@ impl Lpips {
         let mut channels = 0;
         for step in backbone.steps() {
             match *step {
-                Step::Convolution(index, shape, geometry) => {
+                BackboneStep::Convolution(index, shape, geometry) => {
                     let name = format!("features.{index}");
                     convolutions.push(Convolution::open(weights, &name, shape, geometry, KIND)?);
                     channels = shape[0];
                 }
-                Step::MaxPool(..) => {}
-                Step::Compare => {
+                BackboneStep::MaxPool(..) => {}
+                BackboneStep::Compare => {
                     let name = format!("lin{}.model.1.weight", lines.len());
                     let values = heads.values(&name, &[1, channels, 1, 1], KIND)?;
                     lines.push(Array1::from(values.to_vec()));
@@ -138,18 +139,18 @@ impl Lpips {
         Ok(Self { backbone, convolutions, heads: lines })
     }
 
-    /// Distance of two images of one size; 0 for equal ones.
+    /// Distance of two images of the same size, 0 or more; 0 for equal ones. Lower is better.
     ///
     /// # Errors
-    /// If the sizes differ or are below [`LpipsBackbone::least_side`].
+    /// If the sizes differ or are below [`LpipsBackbone::min_side`].
     pub fn distance(&self, first: Rgb8<'_>, second: Rgb8<'_>) -> Result<f64, NetworkError> {
-        let least = self.backbone.least_side();
+        let min_side = self.backbone.min_side();
         for Rgb8 { width, height, pixels } in [first, second] {
             let fits = (width, height) == (first.width, first.height)
                 && pixels.len() == width * height * 3
-                && width.min(height) >= least;
+                && width.min(height) >= min_side;
             if !fits {
-                return Err(NetworkError::Image { width, height, len: pixels.len(), least });
+                return Err(NetworkError::Image { width, height, len: pixels.len(), min_side });
             }
         }
         let [first, second] = [first, second].map(|image| self.features(image));
@@ -168,13 +169,13 @@ impl Lpips {
         let mut found = Vec::new();
         for step in self.backbone.steps() {
             match *step {
-                Step::Convolution(..) => {
+                BackboneStep::Convolution(..) => {
                     if let Some(convolution) = convolutions.next() {
                         x = convolution.apply(&x);
                     }
                 }
-                Step::MaxPool(size, stride) => x = max_pool(&x, size, stride),
-                Step::Compare => found.push(x.clone()),
+                BackboneStep::MaxPool(size, stride) => x = max_pool(&x, size, stride),
+                BackboneStep::Compare => found.push(x.clone()),
             }
         }
         found

@@ -21,14 +21,15 @@ struct Normalisation {
     std: [f32; 3],
 }
 
-/// The input of a network, `[3, height, width]`.
+/// The input of a network: an image whose channels are normalised by the mean and deviation of the
+/// training images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planes {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Row-major.
+    /// RGB, `[3, height, width]`, row-major.
     pub values: Vec<f32>,
 }
 
@@ -67,15 +68,15 @@ impl Preprocessing {
         }
     }
 
-    /// The input of the network.
+    /// The input of the network, `[3, height, width]`.
     ///
     /// # Errors
-    /// If the image is empty or its buffer has another size.
+    /// If the image is empty or the size of its buffer does not match.
     pub fn apply(self, image: Rgb8<'_>) -> Result<Planes, NetworkError> {
         let Rgb8 { width, height, pixels } = image;
         if width == 0 || height == 0 || pixels.len() != width * height * 3 {
             let len = pixels.len();
-            return Err(NetworkError::Image { width, height, len, least: 1 });
+            return Err(NetworkError::Image { width, height, len, min_side: 1 });
         }
         let [rows, columns] = short_side(height, width);
         let planes = match self {

@@ -7,6 +7,6 @@ pub struct Rgb8<'a> {
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// `[height, width, 3]`.
+    /// RGB, 0 to 255, `[height, width, 3]`.
     pub pixels: &'a [u8],
 }

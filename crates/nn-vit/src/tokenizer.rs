@@ -3,9 +3,9 @@
 use crate::NetworkError;
 use std::collections::HashMap;
 
-/// Tokens of a text, with start, end and padding.
+/// Number of tokens of an encoded text, with start, end and padding.
 pub const CONTEXT: usize = 77;
-/// Merges of CLIP's vocabulary.
+/// Number of merges of CLIP's vocabulary.
 const MERGES: usize = 49_152 - 256 - 2;
 /// End of a word.
 const END: &str = "</w>";
@@ -56,7 +56,7 @@ impl Tokenizer {
         self.ids.get(symbol).copied().unwrap_or_default()
     }
 
-    /// Start, text, end, and zeros; a text that is too long is truncated. Unlike in the original
+    /// Token ids of start, text and end, then zeros; a text that is too long is truncated. Unlike in the original
     /// code, HTML entities and broken Unicode are not repaired.
     pub fn encode(&self, text: &str) -> [u32; CONTEXT] {
         let mut tokens = [0; CONTEXT];

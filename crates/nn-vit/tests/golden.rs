@@ -110,15 +110,15 @@ fn clip_equals_double_precision() {
     let image = Picture::new(300, 410, 1).planes(Preprocessing::Pil);
     let features = clip.image_features(&image).unwrap();
     let error = worst(features, &expected("clip/image"));
-    assert!(error < 1e-5, "image: {error:e}");
+    assert!(error < 1e-6, "image: {error:e}");
     let mut tokens = [0; CONTEXT];
     tokens[..6].copy_from_slice(&[598, 17, 230, 5, 411, 599]);
     let error = worst(clip.text_features(&tokens).unwrap(), &expected("clip/text"));
-    assert!(error < 1e-5, "text: {error:e}");
-    // Negative control: another word.
+    assert!(error < 1e-6, "text: {error:e}");
+    // Negative control: a different word.
     tokens[2] = 231;
     let error = worst(clip.text_features(&tokens).unwrap(), &expected("clip/text"));
-    assert!(error > 1e-3, "another text: {error:e}");
+    assert!(error > 1e-3, "a different text: {error:e}");
     tokens[2] = 600;
     assert!(clip.text_features(&tokens).is_err(), "a token that is not in the vocabulary");
 }
@@ -131,7 +131,8 @@ fn dino_equals_double_precision_at_any_size() {
     {
         let image = Picture::new(width, height, 4).planes(Preprocessing::Dino);
         let error = worst(dino.features(&image).unwrap(), &expected(&format!("dino/{label}")));
-        assert!(error < 1e-5, "{label}: {error:e}");
+        // worst seen 2.3e-7
+        assert!(error < 1e-6, "{label}: {error:e}");
     }
 }
 
@@ -201,11 +202,12 @@ fn lpips_equals_double_precision() {
         let lpips = Lpips::open(backbone, &weights(name), &heads).unwrap();
         let expected = expected(&format!("lpips/{name}"))[0];
         let found = lpips.distance(a.rgb(), b.rgb()).unwrap();
-        assert!((found - expected).abs() < 1e-5 * expected.abs(), "{name}: {found} {expected}");
+        // worst seen 2.2e-6
+        assert!((found - expected).abs() < 5e-6 * expected.abs(), "{name}: {found} {expected}");
         assert_eq!(lpips.distance(a.rgb(), a.rgb()).unwrap(), 0.0, "{name}: equal images");
-        let small = Picture::new(backbone.least_side(), backbone.least_side(), 1);
+        let small = Picture::new(backbone.min_side(), backbone.min_side(), 1);
         assert!(lpips.distance(small.rgb(), small.rgb()).is_ok(), "{name}: the smallest image");
-        let small = Picture::new(backbone.least_side() - 1, 64, 1);
+        let small = Picture::new(backbone.min_side() - 1, 64, 1);
         assert!(lpips.distance(small.rgb(), small.rgb()).is_err(), "{name}: too small");
         assert!(lpips.distance(a.rgb(), small.rgb()).is_err(), "{name}: two sizes");
     }
@@ -236,7 +238,7 @@ fn tokens_equal_those_of_clip() {
         assert!(found[expected.len()..].iter().all(|id| *id == 0), "{text}: padding");
     }
     let long = tokenizer.encode(&"cat ".repeat(200));
-    assert_eq!((long[1], long[CONTEXT - 1]), (2368, 49407), "a long text is cut");
+    assert_eq!((long[1], long[CONTEXT - 1]), (2368, 49407), "a long text is truncated");
 }
 
 #[test]
@@ -245,7 +247,7 @@ fn malformed_inputs_are_errors() {
     assert!(missing.to_string().contains("vision_model.embeddings.class_embedding"), "{missing}");
     let mut wrong = weights("dino");
     wrong.0.get_mut("norm.weight").unwrap().shape = vec![3];
-    assert!(matches!(Dino::open(&wrong), Err(NetworkError::Shape { .. })), "another shape");
+    assert!(matches!(Dino::open(&wrong), Err(NetworkError::Shape { .. })), "a wrong shape");
     let mut nan = weights("dino");
     nan.0.get_mut("norm.weight").unwrap().values[0] = f32::NAN;
     assert!(matches!(Dino::open(&nan), Err(NetworkError::NotFinite { .. })), "NaN");

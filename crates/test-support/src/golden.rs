@@ -4,7 +4,7 @@ use safetensors::{Dtype, SafeTensors};
 use std::path::Path;
 
 /// A golden file in memory. Every accessor panics with the tensor's name if the tensor is missing
-/// or of another type: a missing golden is a failure, never a skip.
+/// or of a different type: a missing golden is a failure, never a skip.
 #[derive(Debug)]
 pub struct Golden {
     bytes: Vec<u8>,

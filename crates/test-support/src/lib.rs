@@ -14,7 +14,7 @@ pub mod raster;
 mod seeded_weights;
 
 pub use fixture::fixture;
-pub use seeded_weights::{NamedTensor, seeded_weights};
+pub use seeded_weights::{SeededTensor, seeded_weights};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -23,7 +23,8 @@ impl Lcg {
     }
 }
 
-/// A noise image `W × H × C`, and the same image with more noise added.
+/// A noise image `[H,W,C]` of values in [0, 1), and the same image blended with a share `noise` of
+/// more noise.
 pub fn noise_pair([width, height, channels]: [usize; 3], seed: u32, noise: f64) -> [Vec<f64>; 2] {
     let mut lcg = Lcg(seed);
     let first = lcg.take(width * height * channels);

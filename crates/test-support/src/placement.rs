@@ -80,7 +80,7 @@ pub fn check_near_plane<R: Rasterizer>(raster: &R, (splats, camera): (&Splats, &
         splats.means.iter().map(|mean| camera.to_camera(mean.map(f64::from))[2]).collect();
     let mut sorted = depths.clone();
     sorted.sort_by(f64::total_cmp);
-    // Between two splats, so that rounding does not decide.
+    // Between two splats, so that rounding has no effect.
     let half = sorted.len() / 2;
     let plane = f64::midpoint(sorted[half - 1], sorted[half]);
     let middle = camera.clone().with_near(plane);
@@ -88,5 +88,5 @@ pub fn check_near_plane<R: Rasterizer>(raster: &R, (splats, camera): (&Splats, &
     let seen = render(raster, splats, &middle);
     let kept = render(raster, &splats.select(&behind), &middle);
     let error = relative_l2(&widen(&seen), &widen(&kept));
-    assert!(error < 1e-6, "the other splats are drawn as before: {error:e}");
+    assert!(error < 1e-6, "the other splats are unchanged: {error:e}");
 }

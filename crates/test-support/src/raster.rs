@@ -176,8 +176,8 @@ fn padded_sh<F: Real>(case: &Case<F>, grads: &RenderGrads<F>) -> Vec<f64> {
 }
 
 /// Limit of single precision on both measures of [`assert_grad_close`], two to three times the
-/// worst error seen of both rasterisers, which stands beside each. The stress case has needles,
-/// whose gradients cancel.
+/// worst error seen with both rasterisers, which is next to each. The stress case has very thin
+/// splats, whose gradients cancel.
 pub fn single_precision_limit(case: &str, tensor: &str) -> f64 {
     match (case.as_bytes()[0], tensor) {
         (b'c' | b'd', "sh" | "features" | "opacity_logits") => 3e-6, // 1.2e-6

@@ -5,15 +5,15 @@ use crate::noise::Lcg;
 use std::fs;
 
 /// A tensor: name, shape, row-major values.
-pub type NamedTensor = (String, Vec<usize>, Vec<f32>);
+pub type SeededTensor = (String, Vec<usize>, Vec<f32>);
 
 /// The tensors of a case (`clip`, `dino`, `alex`, `vgg`, or the heads of the last two), as the
-/// script beside the fixtures makes them.
+/// script next to the fixtures makes them.
 ///
 /// # Panics
 /// If the fixture is missing or malformed.
 #[expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-pub fn seeded_weights(case: &str) -> Vec<NamedTensor> {
+pub fn seeded_weights(case: &str) -> Vec<SeededTensor> {
     let text = fs::read_to_string(fixture("nn-vit/shapes.txt")).unwrap();
     let mut tensors = Vec::new();
     let mut lcg = None;

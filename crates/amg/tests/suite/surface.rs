@@ -1,22 +1,28 @@
 //! Edits that apply to surfaces: inheritance by splats that the edit frame does not show.
 use amg::{EditedScene, Follow, MotionOptions, Propagation, RowKind, propagate};
 use gs_core::{DynamicScene, Splats, TimeRange};
-use gs_synth::{BriefCase, BriefParams, BriefScene, BriefTruthScene, DemoParams, build_brief};
+use gs_synth::{
+    DemoParams, ShortLivedCase, ShortLivedParams, ShortLivedScene, ShortLivedTruthScene,
+    build_short_lived,
+};
 use std::sync::Arc;
 
-fn scene(case: BriefCase) -> BriefTruthScene {
-    build_brief(case, &BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() })
-        .unwrap()
+fn scene(case: ShortLivedCase) -> ShortLivedTruthScene {
+    build_short_lived(
+        case,
+        &ShortLivedParams { num_splats: 4_000, seed: 3, ..ShortLivedParams::default() },
+    )
+    .unwrap()
 }
 
-fn propagated_case(scene: &BriefTruthScene, follow: Follow) -> Propagation {
+fn propagated_case(scene: &ShortLivedTruthScene, follow: Follow) -> Propagation {
     let options = MotionOptions::default().with_follow(follow);
     let (source, edited) = (Arc::new(scene.source.clone()), Arc::new(scene.edited.clone()));
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }
 
 /// Source splats that are clearly visible at some time.
-fn ever_visible(scene: &BriefTruthScene) -> Vec<bool> {
+fn ever_visible(scene: &ShortLivedTruthScene) -> Vec<bool> {
     let mut visible = vec![false; scene.source.num_splats()];
     for t in TimeRange::UNIT.frames(31) {
         let now = scene.source.at(t).unwrap();
@@ -37,7 +43,7 @@ fn row_of(scene: &EditedScene) -> Vec<Option<usize>> {
 }
 
 /// Share of the edited surface that `is_edited` misses, and share of wrongly edited splats.
-fn missed_and_wrong(scene: &BriefTruthScene, is_edited: impl Fn(usize) -> bool) -> (f64, f64) {
+fn missed_and_wrong(scene: &ShortLivedTruthScene, is_edited: impl Fn(usize) -> bool) -> (f64, f64) {
     let visible = ever_visible(scene);
     let count = |of: &dyn Fn(usize) -> bool| {
         (0..visible.len()).filter(|&id| visible[id] && of(id)).count() as f64
@@ -49,7 +55,7 @@ fn missed_and_wrong(scene: &BriefTruthScene, is_edited: impl Fn(usize) -> bool) 
 
 #[test]
 fn only_descendants_inherit_deletions() {
-    let scene = scene(BriefCase::Delete);
+    let scene = scene(ShortLivedCase::Delete);
     let gone = |follow| {
         let found = propagated_case(&scene, follow).scene;
         let rows = row_of(&found);
@@ -69,7 +75,7 @@ fn only_descendants_inherit_deletions() {
 
 #[test]
 fn descendants_inherit_the_change_of_colour() {
-    let scene = scene(BriefCase::Recolour);
+    let scene = scene(ShortLivedCase::Recolour);
     let found = propagated_case(&scene, Follow::Surface).scene;
     let rows = row_of(&found);
     let visible = ever_visible(&scene);
@@ -99,7 +105,7 @@ fn descendants_inherit_the_change_of_colour() {
 
 #[test]
 fn rows_without_edited_ancestors_are_bit_exact() {
-    for case in [BriefCase::Recolour, BriefCase::Delete, BriefCase::Scale] {
+    for case in [ShortLivedCase::Recolour, ShortLivedCase::Delete, ShortLivedCase::Scale] {
         let scene = scene(case);
         let found = propagated_case(&scene, Follow::Surface);
         let counts = found.report.inheritance.unwrap();
@@ -125,7 +131,7 @@ fn rows_without_edited_ancestors_are_bit_exact() {
 
 #[test]
 fn grafts_on_a_static_surface_neither_move_nor_fade() {
-    let scene = scene(BriefCase::Hat);
+    let scene = scene(ShortLivedCase::Hat);
     let new: Vec<usize> =
         (0..scene.truth.num_splats()).filter(|&row| scene.truth.new_rows()[row]).collect();
     let worst = |follow| {
@@ -151,7 +157,7 @@ fn grafts_on_a_static_surface_neither_move_nor_fade() {
 
 #[test]
 fn motion_is_continuous_between_generations() {
-    let scene = scene(BriefCase::Hat);
+    let scene = scene(ShortLivedCase::Hat);
     let found = propagated_case(&scene, Follow::Surface).scene;
     let times = TimeRange::UNIT.frames(401);
     let row = scene.truth.new_rows().iter().position(|new| *new).unwrap();
@@ -171,7 +177,7 @@ fn motion_is_continuous_between_generations() {
 
 #[test]
 fn descendants_inherit_scaling() {
-    let scene = scene(BriefCase::Scale);
+    let scene = scene(ShortLivedCase::Scale);
     let found = propagated_case(&scene, Follow::Surface).scene;
     let rows = row_of(&found);
     let size = scene.source.figure_size();
@@ -195,7 +201,7 @@ fn descendants_inherit_scaling() {
 
 #[test]
 fn surface_results_are_bit_identical_for_any_number_of_threads() {
-    let scene = scene(BriefCase::Hat);
+    let scene = scene(ShortLivedCase::Hat);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -230,7 +236,7 @@ fn following_surfaces_changes_nothing_if_all_splats_are_persistent() {
 }
 
 /// The edit frame with shifted copies of the splats `ids`, as an editor adds them.
-fn with_copies(source: &BriefScene, ids: &[usize], shift: [f32; 3]) -> Splats {
+fn with_copies(source: &ShortLivedScene, ids: &[usize], shift: [f32; 3]) -> Splats {
     let mut edited = source.at(0.0).unwrap();
     let mut copies = edited.select(ids);
     for mean in &mut copies.means {
@@ -240,16 +246,16 @@ fn with_copies(source: &BriefScene, ids: &[usize], shift: [f32; 3]) -> Splats {
     edited
 }
 
-fn propagated(source: &BriefScene, edited: &Splats, follow: Follow) -> Propagation {
+fn propagated(source: &ShortLivedScene, edited: &Splats, follow: Follow) -> Propagation {
     let options = MotionOptions::default().with_follow(follow);
     let (source, edited) = (Arc::new(source.clone()), Arc::new(edited.clone()));
     propagate(source, edited, &options, &|_, _| {}).unwrap()
 }
 
 /// The dancer's splats that are visible at frame 1, and a shift that places a copy next to it.
-fn dancer() -> (BriefScene, Vec<usize>, [f32; 3]) {
-    let params = BriefParams { num_splats: 4_000, seed: 3, ..BriefParams::default() };
-    let source = BriefScene::figure(&params).unwrap();
+fn dancer() -> (ShortLivedScene, Vec<usize>, [f32; 3]) {
+    let params = ShortLivedParams { num_splats: 4_000, seed: 3, ..ShortLivedParams::default() };
+    let source = ShortLivedScene::figure(&params).unwrap();
     let first = source.at(0.0).unwrap();
     let shown = (0..first.len()).filter(|&id| first.opacity(id) > 0.1).collect();
     let shift = [1.3 * source.figure_size(), 0.0, 0.0];

@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub(crate) enum PresetArg {
     /// The smallest measured error
-    Best,
+    #[value(alias = "best")]
+    #[serde(alias = "Best")]
+    Default,
     /// The paper's method, taken literally
     Paper,
 }

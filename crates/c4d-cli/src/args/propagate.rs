@@ -30,7 +30,7 @@ pub(crate) struct PropagateArgs {
     /// Propagate motion only, without the appearance refinement
     #[arg(long)]
     pub(crate) no_refine: bool,
-    /// `best` has the smallest measured error, `paper` follows the paper literally [default: best]
+    /// `default` has the smallest measured error, `paper` follows the paper literally
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetArg>,
     /// Options from a TOML file, such as the c4d.toml of a run to repeat; they override the preset,
@@ -46,7 +46,7 @@ pub(crate) struct PropagateArgs {
     pub(crate) motion: Option<MotionArg>,
     /// What the edit applies to: the splats of the edited frame only, or their surface, so that
     /// splats of the same surface at other times inherit the edit [default: surface for scenes with
-    /// short-lived splats and --preset best; else splats]
+    /// short-lived splats and --preset default; else splats]
     #[arg(long, value_enum)]
     pub(crate) follow: Option<FollowArg>,
     /// Random seed [default: 0]

@@ -77,7 +77,7 @@ impl Default for RefineFlags {
 pub(crate) struct RefineArgs {
     /// The run folder; its colours are replaced, its motion is kept
     pub(crate) run: PathBuf,
-    /// `best` has the smallest measured error, `paper` follows the paper literally [default: best]
+    /// `default` has the smallest measured error, `paper` follows the paper literally
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetArg>,
     /// Options from the section `refine` of a TOML file, such as the c4d.toml of a run; they

@@ -19,8 +19,8 @@ use gs_core::DynamicScene;
 use gs_deform::HexPlaneScene;
 use gs_io::AtomicDir;
 use gs_synth::{
-    BriefCase, BriefParams, CASE_SIZES, FitParams, FitResidual, SynthScene, Tag, TruthCase,
-    TruthScene,
+    CASE_SIZES, FitParams, FitResidual, ShortLivedCase, ShortLivedParams, SynthScene, Tag,
+    TruthCase, TruthScene,
 };
 use method::{METHODS, Method};
 use score::Score;
@@ -39,7 +39,7 @@ const SIZE: (u32, u32) = (320, 240);
 
 pub(crate) fn motion(args: &BenchMotionArgs, global: &Global, console: &Console) -> Outcome {
     let (cases, brief_cases) = cases(&args.cases)?;
-    let sizes = if brief_cases.is_empty() { CASE_SIZES } else { BriefParams::NUM_SPLATS };
+    let sizes = if brief_cases.is_empty() { CASE_SIZES } else { ShortLivedParams::NUM_SPLATS };
     if !sizes.contains(&args.size) {
         let (smallest, largest) = (sizes.start(), sizes.end());
         let what =
@@ -142,7 +142,7 @@ impl Networks {
         let params = FitParams { seed, ..FitParams::default() };
         let fitted = gs_synth::fit_hexplane(&scene.source, scene.figure_size, &params)
             .map_err(Failure::failed)?;
-        let FitResidual { mean, p95, rot_deg } = fitted.residual;
+        let FitResidual { mean, p95, rot_deg, .. } = fitted.residual;
         let seconds = start.elapsed().as_secs_f64();
         self.fits.push(Fit { case: case.name(), seed, mean, p95, rot_deg, seconds });
         let network = Arc::new(fitted.scene().map_err(Failure::failed)?);
@@ -151,15 +151,16 @@ impl Networks {
     }
 }
 
-fn cases(names: &[String]) -> Outcome<(Vec<TruthCase>, Vec<BriefCase>)> {
+fn cases(names: &[String]) -> Outcome<(Vec<TruthCase>, Vec<ShortLivedCase>)> {
     if names.is_empty() {
-        return Ok((TruthCase::ALL.to_vec(), BriefCase::ALL.to_vec()));
+        return Ok((TruthCase::ALL.to_vec(), ShortLivedCase::ALL.to_vec()));
     }
     let lasting = TruthCase::ALL.iter().map(|case| case.name());
-    let known: Vec<&str> = lasting.chain(BriefCase::ALL.iter().map(|case| case.name())).collect();
+    let known: Vec<&str> =
+        lasting.chain(ShortLivedCase::ALL.iter().map(|case| case.name())).collect();
     let (mut cases, mut brief) = (Vec::new(), Vec::new());
     for name in names {
-        if let Ok(case) = BriefCase::from_str(name) {
+        if let Ok(case) = ShortLivedCase::from_str(name) {
             brief.push(case);
             continue;
         }

@@ -80,7 +80,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         time: 0.0,
         axes: None,
         no_refine: true,
-        preset: PresetArg::Best,
+        preset: PresetArg::Default,
         baseline: None,
         motion: MotionArg::Edited,
         follow: None,
@@ -100,7 +100,7 @@ pub(crate) fn run(args: &DemoArgs, global: &Global, console: &Console) -> Outcom
         refine_size: Some(REFINE_SIZE),
         ..RefineFlags::default()
     };
-    let begun = Checkpoint::new(PresetArg::Best, Settings::default().refine(), &flags);
+    let begun = Checkpoint::new(PresetArg::Default, Settings::default().refine(), &flags);
     refine::refine(&root.join(RUN), begun, &global, console)?;
 
     let opened = scene::open(&root.join(RUN), &global, console)?;
@@ -152,7 +152,7 @@ fn delivered(synthetic: &SynthScene, seed: u64) -> Outcome<EditedFrame> {
             .map_err(|error| DemoEditError(chain(&error)))
     };
     let unseen = gs_synth::UnseenColor::Source;
-    gs_synth::deliver(synthetic, &gs_synth::demo_edits(), seed, unseen, shown)
+    gs_synth::apply_visible_edits(synthetic, &gs_synth::demo_edits(), seed, unseen, shown)
         .map_err(|DemoEditError(what)| Failure::failed(what))
 }
 

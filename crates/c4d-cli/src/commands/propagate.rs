@@ -128,7 +128,7 @@ fn follow(args: &PropagateJob, source: &LoadedScene, console: &Console) -> Outco
     }
     let lifetimes = Lifetimes::of(&*source.scene, args.time)?.filter(Lifetimes::is_partial);
     // Published methods follow splats.
-    let usual = args.preset == PresetArg::Best
+    let usual = args.preset == PresetArg::Default
         && args.baseline.is_none()
         && args.motion == MotionArg::Edited;
     let follow = match (args.follow, &lifetimes) {
@@ -163,7 +163,7 @@ fn options(args: &PropagateJob, source: &LoadedScene) -> Outcome<MotionOptions> 
             MotionOptions::field(Arc::new(NetworkField(network)))
         }
         (None, PresetArg::Paper) => MotionOptions::preset(MotionPreset::Paper),
-        (None, PresetArg::Best) => MotionOptions::preset(MotionPreset::Regions),
+        (None, PresetArg::Default) => MotionOptions::preset(MotionPreset::Regions),
     };
     options.edit_time = Some(args.time);
     if let MotionGuide::Paper(params) = &mut options.guide {

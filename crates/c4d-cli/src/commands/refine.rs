@@ -69,7 +69,7 @@ pub(crate) fn run(args: &RefineArgs, global: &Global, console: &Console) -> Outc
         let flags = settings.flags(&args.flags)?;
         let preset = match args.preset {
             Some(preset) => preset,
-            None => settings.preset()?.unwrap_or(PresetArg::Best),
+            None => settings.preset()?.unwrap_or(PresetArg::Default),
         };
         Checkpoint::new(preset, settings, &flags)
     };

@@ -4,7 +4,7 @@ use super::item::Item;
 use super::subject::Subject;
 use crate::failure::{Failure, Outcome, chain};
 use c4d_metrics::{
-    MotionTrack, NDD_NEIGHBORS, Neighbors, deviation_among, drift, isometry, nearest,
+    MotionTrack, NDD_NEIGHBORS, PointNeighbors, deviation_among, drift, isometry, nearest,
 };
 use gs_core::{DynamicScene, Splats};
 
@@ -46,7 +46,7 @@ pub(crate) fn motion(subject: &Subject<'_>, times: &[f32]) -> Outcome<Vec<Item>>
             (b > 0.0).then(|| a / b),
             "the source's splats do not accelerate",
         )));
-        let around = Neighbors::of(track.first(), NDD_NEIGHBORS);
+        let around = PointNeighbors::of(track.first(), NDD_NEIGHBORS);
         let with_neighbors = |item: Item| counted(item).with("neighbours", NDD_NEIGHBORS);
         let (a, b) = (isometry(&track, &around), isometry(&of_source, &around));
         let few = "fewer than nine splats were edited, or there is only one frame";

@@ -313,8 +313,8 @@ impl<'r, R: Rasterizer> Measuring<'r, R> {
         state.source_flicker.add(&pair.source);
         if has_next {
             for flow in [&edit_flow, &source_flow] {
-                state.edit_flicker.leave_out_moving(flow);
-                state.source_flicker.leave_out_moving(flow);
+                state.edit_flicker.exclude_moving(flow);
+                state.source_flicker.exclude_moving(flow);
             }
         }
         state.last = Some((pair, [edit_flow, source_flow]));

@@ -39,7 +39,7 @@ pub(crate) struct RunConfig {
     /// Whether an edit that seems to belong to a different scene was accepted.
     #[serde(default)]
     pub(crate) allow_far: bool,
-    /// `best` or `paper`.
+    /// `default` or `paper`.
     pub(crate) preset: String,
     /// `none`, `knn` or `deformnet`.
     pub(crate) baseline: String,
@@ -87,7 +87,7 @@ pub(crate) struct RunConfig {
 /// Options of the refinement stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RefineConfig {
-    /// `best` or `paper`.
+    /// `default` or `paper`.
     pub(crate) preset: String,
     /// `backward` or `paper`.
     pub(crate) warp: String,

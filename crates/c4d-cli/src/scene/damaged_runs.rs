@@ -58,7 +58,7 @@ fn damaged_run_folders_are_errors() {
     };
     let update = gs_io::FolderUpdate::begin(&run).unwrap();
     let (settings, flags) = (RefineSettings::default(), RefineFlags::default());
-    Checkpoint::write(&update, PresetArg::Best, &settings, &flags, Some(&state)).unwrap();
+    Checkpoint::write(&update, PresetArg::Default, &settings, &flags, Some(&state)).unwrap();
     drop(update);
 
     let files = [CONFIG, SCENE, REFINE_STATE].map(|name| (name, fs::read(run.join(name)).unwrap()));

@@ -138,8 +138,8 @@ impl Settings {
         let preset = match (args.preset, self.preset.as_deref()) {
             (Some(preset), _) => preset,
             (None, Some("paper")) => PresetArg::Paper,
-            (None, Some("best") | None) => PresetArg::Best,
-            (None, Some(other)) => return self.wrong("preset", other, "best or paper"),
+            (None, Some("default" | "best") | None) => PresetArg::Default,
+            (None, Some(other)) => return self.wrong("preset", other, "default or paper"),
         };
         let baseline = match (args.baseline, self.baseline.as_deref()) {
             (Some(baseline), _) => Some(baseline),
@@ -227,7 +227,7 @@ impl Settings {
         }
         match (&mut options.guide, &self.regions) {
             (MotionGuide::Regions(params), Some(regions)) => params.clone_from(regions),
-            (_, Some(_)) => return unused("regions", "--preset best"),
+            (_, Some(_)) => return unused("regions", "--preset default"),
             _ => {}
         }
         self.apply_aggregation(&mut options.aggregation)

@@ -61,7 +61,8 @@ pub(crate) struct RegressionSettings {
     passes: Option<usize>,
     delta: Option<f64>,
     relaxation: Option<f64>,
-    hold: Option<f64>,
+    #[serde(alias = "hold")]
+    anchor_weight: Option<f64>,
     prior: Option<f64>,
 }
 
@@ -100,9 +101,9 @@ impl RefineSettings {
     pub(crate) fn preset(&self) -> Outcome<Option<PresetArg>> {
         match self.preset.as_deref() {
             None => Ok(None),
-            Some("best") => Ok(Some(PresetArg::Best)),
+            Some("default" | "best") => Ok(Some(PresetArg::Default)),
             Some("paper") => Ok(Some(PresetArg::Paper)),
-            Some(other) => self.wrong("preset", other, "best or paper"),
+            Some(other) => self.wrong("preset", other, "default or paper"),
         }
     }
 
@@ -225,7 +226,7 @@ impl RegressionSettings {
             passes: Some(params.passes),
             delta: Some(params.delta),
             relaxation: Some(params.relaxation),
-            hold: Some(params.hold),
+            anchor_weight: Some(params.anchor_weight),
             prior: Some(params.prior),
         }
     }
@@ -235,7 +236,7 @@ impl RegressionSettings {
             passes: self.passes.unwrap_or(params.passes),
             delta: self.delta.unwrap_or(params.delta),
             relaxation: self.relaxation.unwrap_or(params.relaxation),
-            hold: self.hold.unwrap_or(params.hold),
+            anchor_weight: self.anchor_weight.unwrap_or(params.anchor_weight),
             prior: self.prior.unwrap_or(params.prior),
         }
     }
@@ -302,5 +303,23 @@ impl EvidenceSettings {
             strain: self.strain.unwrap_or(params.strain),
             min_agreement: self.min_agreement.unwrap_or(params.min_agreement),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    #[test]
+    fn former_names_are_read() {
+        let former: RefineSettings =
+            toml::from_str("preset = \"best\"\n[regression]\nhold = 2.0").unwrap();
+        assert_eq!(former.preset().unwrap(), Some(PresetArg::Default), "preset in a file");
+        let regression = former.regression.unwrap_or_default();
+        assert_eq!(regression.anchor_weight, Some(2.0), "`hold`");
+        assert_eq!(PresetArg::from_str("best", false), Ok(PresetArg::Default), "preset as a flag");
+        let stored: PresetArg = serde_json::from_str("\"Best\"").unwrap();
+        assert_eq!(stored, PresetArg::Default, "preset in a checkpoint");
     }
 }

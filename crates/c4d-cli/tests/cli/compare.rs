@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Two runs of the synthetic fixture's edit with different methods.
 fn runs(folder: &Path) -> [PathBuf; 2] {
-    ["best", "paper"].map(|preset| {
+    ["default", "paper"].map(|preset| {
         let run = folder.join(preset);
         success(
             c4d(["propagate"])
@@ -77,11 +77,11 @@ fn proxy() -> (String, Arc<AtomicUsize>) {
 #[test]
 fn runs_are_compared_in_one_page_that_opens_offline() {
     let folder = tempfile::tempdir().unwrap();
-    let [best, paper] = runs(folder.path());
+    let [default, paper] = runs(folder.path());
     let page = folder.path().join("report.html");
     let (out, stderr) = success(
         c4d(["compare"])
-            .args([&best, &paper])
+            .args([&default, &paper])
             .args(["--frames", "5", "--size", "160x120", "-o"])
             .arg(&page),
     );
@@ -128,7 +128,7 @@ fn runs_are_compared_in_one_page_that_opens_offline() {
 #[test]
 fn numbers_with_different_parameters_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let [best, paper] = runs(folder.path());
+    let [default, paper] = runs(folder.path());
     let numbers = |run: &Path, name: &str, frames: &str| {
         let file = folder.path().join(name);
         success(
@@ -137,12 +137,12 @@ fn numbers_with_different_parameters_are_refused() {
         file
     };
     let [a, b, c] =
-        [numbers(&best, "a", "3"), numbers(&paper, "b", "3"), numbers(&paper, "c", "4")];
+        [numbers(&default, "a", "3"), numbers(&paper, "b", "3"), numbers(&paper, "c", "4")];
     let page = folder.path().join("report.html");
     let compare = |second: &Path| {
         let list = format!("{},{}", a.display(), second.display());
         let mut command = c4d(["compare"]);
-        command.args([&best, &paper]).args(["--numbers", &list, "-o"]).arg(&page);
+        command.args([&default, &paper]).args(["--numbers", &list, "-o"]).arg(&page);
         command
     };
     let stderr = failure(&mut compare(&c), 2);

@@ -74,7 +74,7 @@ fn a_run_is_repeated_from_its_own_record() {
 fn the_default_and_baselines_are_repeated() {
     let folder = tempfile::tempdir().unwrap();
     for (name, flags) in [
-        ("best", &["--time", "0", "--seed", "3"][..]),
+        ("default", &["--time", "0", "--seed", "3"][..]),
         ("knn", &["--baseline", "knn"]),
         ("all", &["--motion", "all"]),
         ("known", &["--preset", "paper", "--motion", "edited"]),
@@ -126,7 +126,7 @@ fn invalid_configurations_are_refused() {
         ("[transport]\ncutoff = -1", "cutoff"),
         ("[transport]\nmax_sweeps = 0", "max_sweeps"),
         ("edit_time = nan", "edit_time"),
-        ("preset = \"Paper\"", "best or paper"),
+        ("preset = \"Paper\"", "default or paper"),
         ("motion = 3", "motion"),
         ("position = \"mean\"", "average or rigid"),
         ("[knn]\nk = 3", "--baseline knn"),

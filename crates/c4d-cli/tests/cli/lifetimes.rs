@@ -3,22 +3,26 @@
 use crate::support::{c4d, failure, fixture, success};
 use gs_core::{Splats, TimeRange};
 use gs_io::{Existing, ply, ply_sequence};
-use gs_synth::{BriefCase, BriefParams, BriefTruthScene, build_brief};
+use gs_synth::{ShortLivedCase, ShortLivedParams, ShortLivedTruthScene, build_short_lived};
 use std::path::{Path, PathBuf};
 
 const FRAMES: usize = 21;
 
 struct Setup {
     folder: tempfile::TempDir,
-    scene: BriefTruthScene,
+    scene: ShortLivedTruthScene,
 }
 
 impl Setup {
     /// A scene as frames, and an edit of the splats that the first frame shows.
-    fn new(case: BriefCase) -> Self {
+    fn new(case: ShortLivedCase) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let params = BriefParams { num_splats: 2_000, lives: [0.2, 0.4], ..BriefParams::default() };
-        let scene = build_brief(case, &params).unwrap();
+        let params = ShortLivedParams {
+            num_splats: 2_000,
+            lifetimes: [0.2, 0.4],
+            ..ShortLivedParams::default()
+        };
+        let scene = build_short_lived(case, &params).unwrap();
         let setup = Self { folder, scene };
         let (times, options) = (TimeRange::UNIT.frames(FRAMES), ply::WriteOptions::default());
         let source = &setup.scene.source;
@@ -76,7 +80,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// Share of the clearly visible splats of the edited surface that have their old colours.
-fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
+fn still_old(scene: &ShortLivedTruthScene, frame: &Splats, t: f32) -> f64 {
     use gs_core::DynamicScene;
     let before = scene.source.at(t).unwrap();
     let seen = |row: &usize| scene.touched[*row] && before.opacity(*row) > 0.3;
@@ -91,7 +95,7 @@ fn still_old(scene: &BriefTruthScene, frame: &Splats, t: f32) -> f64 {
 
 #[test]
 fn lifetimes_determine_the_default_and_runs_record_it() {
-    let setup = Setup::new(BriefCase::Recolour);
+    let setup = Setup::new(ShortLivedCase::Recolour);
     let stderr = setup.propagate("run", &["--no-refine"]);
     assert!(stderr.contains("inherit the edit (--follow surface)"), "{stderr}");
     assert!(stderr.contains("inherited: ") && stderr.contains("; confidence "), "{stderr}");
@@ -126,7 +130,7 @@ fn lifetimes_determine_the_default_and_runs_record_it() {
 
 #[test]
 fn runs_that_follow_surfaces_are_refined_and_displayed() {
-    let setup = Setup::new(BriefCase::Hat);
+    let setup = Setup::new(ShortLivedCase::Hat);
     let refine = ["--samples", "6", "--refine-frames", "3", "--refine-size", "96x72"];
     let stderr = setup.propagate("run", &refine);
     assert!(stderr.contains("refin"), "{stderr}");
@@ -169,7 +173,7 @@ fn runs_that_follow_surfaces_are_refined_and_displayed() {
 
 #[test]
 fn damaged_records_of_surfaces_are_refused() {
-    let setup = Setup::new(BriefCase::Delete);
+    let setup = Setup::new(ShortLivedCase::Delete);
     setup.propagate("run", &["--no-refine"]);
     let file = setup.at("run").join("scene.c4d");
     let bytes = std::fs::read(&file).unwrap();

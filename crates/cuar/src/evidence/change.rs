@@ -46,7 +46,7 @@ impl References {
 }
 
 /// Expected change of SH of each row in `rows`, `[K,3]`: that of the nearest references on its
-/// surface, excluding the row itself; `None` if there are none.
+/// surface, excluding the row itself; `None` without references.
 ///
 /// References are near the splat, have a similar normal, move with it and had the same hue before
 /// the edit. New base colours are a local power law of the old brightness `b`, per channel

@@ -4,9 +4,9 @@
 use super::{
     change::References,
     edited_frame::EditedFrame,
+    harmonic::extend_labels,
     hidden_color::{HiddenColor, are_meaningless, errors, is_meaningless, supervised_error},
     params::EvidenceParams,
-    vote::harmonic,
 };
 
 /// Splats with a source that frame 1 hides, at least in part.
@@ -42,7 +42,7 @@ impl Hidden {
             Some(_) => 0.0,
             None => 1.0,
         };
-        let by_seen = harmonic(surface, &label, &seen);
+        let by_seen = extend_labels(surface, &label, &seen);
         let hidden = (0..changed.len()).filter(|&i| nodes.has_source[i] && supervision[i] < 1.0);
         let rows: Vec<usize> = hidden.collect();
         let references = References::of(frame, changed, supervision, params);
@@ -89,7 +89,7 @@ impl Hidden {
             Some(true) if nodes.has_source[i] => 1.0,
             _ => seen(i),
         };
-        let mut shares = harmonic(surface, &label, &known);
+        let mut shares = extend_labels(surface, &label, &known);
         shares.truncate(changed.len());
         Self { rows, colors, shares, is_reached, references }
     }
@@ -108,12 +108,12 @@ impl Hidden {
 
     /// Number of open rows near a change for which the surface does not determine whether they
     /// belong to it.
-    pub(super) fn num_undecided(&self, params: &EvidenceParams) -> usize {
-        let is_undecided = |row: &usize| {
+    pub(super) fn num_ambiguous(&self, params: &EvidenceParams) -> usize {
+        let is_ambiguous = |row: &usize| {
             self.shares[*row].is_some_and(|[changed, deleted]| {
                 changed + deleted > 0.2 && changed.max(deleted) <= params.min_agreement
             })
         };
-        self.open().filter(is_undecided).count()
+        self.open().filter(is_ambiguous).count()
     }
 }

@@ -93,8 +93,8 @@ pub(super) fn changes(parents: &[Option<u32>], first: &Splats, old: &[[f32; 3]])
     parents.iter().enumerate().map(change).collect()
 }
 
-/// Source splats that the edit deleted: no edited splat descends from them, and no new one is in
-/// their place.
+/// Source splats that the edit deleted: no edited splat descends from them, and no new one is at
+/// their position.
 pub(super) fn gone(
     before: &BeforeEdit<'_>,
     parents: &[Option<u32>],

@@ -1,4 +1,4 @@
-//! [`Surface`]: graph of neighbours on one surface.
+//! [`SurfaceGraph`]: graph of the neighbours on one surface.
 
 use super::{params::EvidenceParams, source::thin_axis};
 use anchors::{RigidNeighbors, Trajectories};
@@ -97,7 +97,7 @@ pub(super) fn scaled_tone([light, red, green]: [f32; 3], params: &EvidenceParams
 }
 
 /// Neighbours on one surface, each list `per_node` long.
-pub(super) struct Surface {
+pub(super) struct SurfaceGraph {
     pub rigid: RigidNeighbors,
     pub points: Trajectories,
     ids: Vec<u32>,
@@ -105,7 +105,7 @@ pub(super) struct Surface {
     per_node: usize,
 }
 
-impl Surface {
+impl SurfaceGraph {
     /// The graph of `nodes`, with their positions `moments` at other times, `[T][nodes]`.
     pub(super) fn of(nodes: &Nodes, moments: &[Vec<[f32; 3]>], params: &EvidenceParams) -> Self {
         let place = |i: usize, means: &[[f32; 3]]| {

@@ -84,7 +84,7 @@ fn run(scene: &Cloud, warp_params: WarpParams) -> Refined {
 }
 
 #[test]
-fn splats_that_frame_1_shows_tell_where_no_surface_does() {
+fn visible_splats_supervise_pixels_without_a_surface() {
     let [truth, spoiled] = clouds();
     let camera = &cameras()[1];
     let psnr = |scene: &dyn DynamicScene| {
@@ -107,8 +107,8 @@ fn splats_that_frame_1_shows_tell_where_no_surface_does() {
     let refined = run(&spoiled, WarpParams::default());
     let stats = refined.report.supervision;
     let after = psnr(&refined.scene(&spoiled));
-    assert!(stats.surface < stats.masked / 10, "hardly a surface: {stats:?}");
-    assert!(stats.splat_colors > stats.masked / 2, "known by its splats: {stats:?}");
+    assert!(stats.surface < stats.masked / 10, "almost no surfaces: {stats:?}");
+    assert!(stats.splat_colors > stats.masked / 2, "supervised by splat colours: {stats:?}");
     assert_eq!(
         stats.supervised() + stats.rejections.iter().sum::<u64>(),
         stats.masked,

@@ -43,8 +43,8 @@ impl Scene {
         let mut random = 9_u64;
         let [mut original, mut warp] = [(); 2].map(|()| render(splats, &camera));
         // residuals well away from the kink of L1
-        let mut push = |value: &mut f64, least: f64| {
-            let size = least + 0.1 * uniform(&mut random);
+        let mut push = |value: &mut f64, minimum: f64| {
+            let size = minimum + 0.1 * uniform(&mut random);
             *value += if uniform(&mut random) < 0.5 { -size } else { size };
         };
         for value in &mut original {
@@ -80,7 +80,7 @@ fn render(splats: &Splats<f64>, camera: &Camera) -> Vec<f64> {
 }
 
 #[test]
-fn colours_through_the_rasteriser_to_the_loss() {
+fn sh_gradient_of_the_loss_matches_differences() {
     let splats = splats(14);
     let scene = Scene::new(&splats);
     for shape in [L1Shape::Exact, L1Shape::Smooth(0.01)] {

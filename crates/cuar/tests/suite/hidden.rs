@@ -2,8 +2,8 @@
 //! keep.
 
 use crate::common::{
-    bars,
     delivered::{Delivered, cases, delivered, rings, wrong_rows},
+    limits,
 };
 use cuar::{
     CuarError, Evidence, EvidenceParams, FADED_LOGIT, RefineOptions, Repair, render_evidence,
@@ -43,22 +43,22 @@ fn repair(case: &Delivered) -> Repair {
 const JUDGED: [f32; 2] = [0.3, 0.6];
 
 #[test]
-fn what_motion_reveals_comes_nearer_the_truth_and_nothing_else_suffers() {
+fn repair_improves_revealed_pixels_and_worsens_no_others() {
     let mut gains = Vec::new();
     for case in small() {
         let repair = repair(case);
-        let (before, after, broken) = bars::judged(case, &repair.scene(case.scene()), &JUDGED);
+        let (before, after, broken) = limits::judged(case, &repair.scene(case.scene()), &JUDGED);
         assert!(broken.is_empty(), "{}: {broken:?}", case.name);
         gains.push(after[0] - before[0]);
     }
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
-    assert!(mean > bars::MEAN_GAIN, "gains {gains:?}, {mean} dB in the mean");
+    assert!(mean > limits::MEAN_GAIN, "gains {gains:?}, {mean} dB in the mean");
 }
 
 /// The limits detect a leaking repair, in which every hidden splat gets the mean change of the
 /// edited ones.
 #[test]
-fn a_repair_that_leaks_breaks_the_bars() {
+fn a_repair_of_every_hidden_splat_violates_the_limits() {
     let case = named("recolour");
     let evidence = evidence(case);
     let (now, then) = (&case.given.splats, case.source.frame1());
@@ -76,16 +76,16 @@ fn a_repair_that_leaks_breaks_the_bars() {
         leaking.rows.push(u32::try_from(i).unwrap());
         leaking.d_sh.extend(&mean);
     }
-    let (.., broken) = bars::judged(case, &leaking.scene(case.scene()), &JUDGED);
+    let (.., broken) = limits::judged(case, &leaking.scene(case.scene()), &JUDGED);
     assert!(!broken.is_empty(), "{} rows leak", leaking.rows.len());
     let perfect = case.perfect();
-    let (before, after, _) = bars::judged(&perfect, &leaking.scene(perfect.scene()), &JUDGED);
-    assert!(!bars::broken_perfect(before, after).is_empty(), "{before:?} → {after:?} dB");
+    let (before, after, _) = limits::judged(&perfect, &leaking.scene(perfect.scene()), &JUDGED);
+    assert!(!limits::broken_perfect(before, after).is_empty(), "{before:?} → {after:?} dB");
 }
 
 /// Hidden splats with black or random colours instead of old ones.
 #[test]
-fn meaningless_colours_are_mended_too() {
+fn meaningless_colours_are_repaired() {
     let mut gains = Vec::new();
     for (name, unseen) in [
         ("recolour", UnseenColor::Black),
@@ -102,16 +102,16 @@ fn meaningless_colours_are_mended_too() {
             evidence.meaningless.len()
         );
         let repair = Repair::of(&evidence, RefineOptions::default().min_uncertainty);
-        let (before, after, broken) = bars::judged(&case, &repair.scene(case.scene()), &JUDGED);
+        let (before, after, broken) = limits::judged(&case, &repair.scene(case.scene()), &JUDGED);
         assert!(broken.is_empty(), "{name}, {unseen:?}: {broken:?}");
         gains.push(after[0] - before[0]);
     }
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
-    assert!(mean > bars::MEAN_GAIN, "gains {gains:?}, {mean} dB in the mean");
+    assert!(mean > limits::MEAN_GAIN, "gains {gains:?}, {mean} dB in the mean");
 }
 
 #[test]
-fn what_is_repaired_is_what_was_missed() {
+fn repaired_splats_are_those_that_the_edit_missed() {
     for name in ["recolour", "textured"] {
         let case = named(name);
         let (wrong, repair) = (wrong_rows(case).unwrap(), repair(case));
@@ -126,22 +126,25 @@ fn what_is_repaired_is_what_was_missed() {
         );
     }
     let case = named("deleted");
-    let ghosts = case.given.splats.len() - case.truth.splats.len();
+    let remnants = case.given.splats.len() - case.truth.splats.len();
     let faded = repair(case).faded.len();
-    assert!(ghosts > 10 && 10 * faded > 6 * ghosts && faded <= ghosts, "{faded} of {ghosts} fade");
+    assert!(
+        remnants > 10 && 10 * faded > 6 * remnants && faded <= remnants,
+        "{faded} of {remnants} fade"
+    );
 }
 
 #[test]
-fn nothing_flickers_more_than_the_truth() {
+fn repaired_scenes_flicker_no_more_than_the_truth() {
     for case in small() {
         let repair = repair(case);
-        let broken = bars::broken_flicker(case, &repair.scene(case.scene()));
+        let broken = limits::broken_flicker(case, &repair.scene(case.scene()));
         assert!(broken.is_empty(), "{}: {broken:?}", case.name);
     }
 }
 
 #[test]
-fn a_perfect_edit_comes_back_bit_for_bit() {
+fn a_perfect_edit_is_unchanged() {
     for case in small() {
         let found = repair(&case.perfect());
         assert!(
@@ -155,7 +158,7 @@ fn a_perfect_edit_comes_back_bit_for_bit() {
 }
 
 #[test]
-fn where_nothing_was_edited_there_is_no_evidence() {
+fn unedited_scenes_have_no_evidence() {
     let case = named("recolour");
     let rows: Vec<Option<u32>> =
         (0..case.source.num_splats()).map(|i| u32::try_from(i).ok()).collect();
@@ -165,7 +168,7 @@ fn where_nothing_was_edited_there_is_no_evidence() {
         Evidence::of(&raster, &case.source, rows, 0.0, &case.pictures, &params)
     };
     let found = of(&before).unwrap();
-    assert!(found.xi.iter().all(|xi| *xi == 0.0) && found.ghosts.is_empty(), "nothing");
+    assert!(found.xi.iter().all(|xi| *xi == 0.0) && found.remnants.is_empty(), "nothing");
     let short = cuar::BeforeEdit { source_rows: &rows[1..], ..before };
     assert!(matches!(of(&short), Err(CuarError::Shape { .. })), "of another scene");
     let mut far = rows.clone();
@@ -175,7 +178,7 @@ fn where_nothing_was_edited_there_is_no_evidence() {
 }
 
 #[test]
-fn the_whole_stage_leaves_geometry_and_what_is_supervised_bit_for_bit() {
+fn the_stage_keeps_geometry_and_supervised_colours_bit_for_bit() {
     let case = named("demo");
     let options = RefineOptions { samples: 6, ..RefineOptions::default() };
     let on = |threads: usize| {
@@ -204,14 +207,14 @@ fn the_whole_stage_leaves_geometry_and_what_is_supervised_bit_for_bit() {
     assert!(changed >= counts.recoloured, "{changed} rows changed, {counts:?}");
     let without = RefineOptions { evidence: None, ..options };
     let counts = case.refined(case.scene(), 6, &without).report.repair;
-    assert_eq!(counts.recoloured + counts.faded, 0, "not asked for");
+    assert_eq!(counts.recoloured + counts.faded, 0, "not requested");
 }
 
 #[test]
-fn ghosts_fade_and_passes_show_why() {
+fn remnants_of_deleted_objects_fade_and_are_uncertain() {
     let case = named("deleted");
     let (evidence, repair) = (evidence(case), repair(case));
-    assert!(!repair.faded.is_empty(), "ghosts");
+    assert!(!repair.faded.is_empty(), "remnants");
     let splats = repair.scene(case.scene()).at(0.7).unwrap();
     for &row in &repair.faded {
         assert_eq!(splats.opacity_logits[row as usize], FADED_LOGIT, "row {row}");
@@ -222,7 +225,7 @@ fn ghosts_fade_and_passes_show_why() {
     let own = render_evidence(&raster, &at_t, &evidence.xi, camera).unwrap();
     let total = render_total_uncertainty(&raster, &at_t, &at_1, &evidence.xi, camera).unwrap();
     assert!(own.data.iter().zip(&total.data).all(|(own, total)| *own <= total + 1e-5), "a part");
-    assert!(own.data.iter().any(|own| *own > 0.1), "motion shows the ghosts");
+    assert!(own.data.iter().any(|own| *own > 0.1), "motion reveals the remnants");
     let none = render_evidence(&raster, &at_t, &[], camera).unwrap();
     assert!(none.data.iter().all(|own| *own == 0.0), "no evidence");
 }

@@ -67,7 +67,7 @@ impl Case {
 }
 
 #[test]
-fn objective_is_the_papers() {
+fn objective_equals_equations_18_to_20() {
     let case = Case::new();
     let parts = case.objective().evaluate(
         &case.render,

@@ -55,7 +55,7 @@ fn assert_not_worse(case: &Delivered, scene: &dyn DynamicScene, cameras: &[Camer
 }
 
 #[test]
-fn a_moving_camera_makes_nothing_worse() {
+fn a_moving_camera_increases_no_error() {
     let walk = walk(24, 128, 128);
     // the cameras of a data set are used at every time, because images are renders of the scene
     let standing: Vec<Camera> =

@@ -75,7 +75,7 @@ fn agreement(case: &Case, a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
 }
 
 #[test]
-fn refinement_does_not_depend_on_size_and_place() {
+fn refinement_does_not_depend_on_scale_and_position() {
     let case = case(3_000, 1, 4, (120, 90), Flaws { interior: true, unseen_sh: 1.0, noise: 0.0 });
     let here = refined(&case, 1.0, [0.0; 3]);
     let control = agreement(&case, &here, &case.scene.sh);

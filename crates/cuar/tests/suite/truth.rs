@@ -20,14 +20,15 @@ fn options() -> RefineOptions {
 }
 
 #[test]
-fn wrong_colours_are_mended_at_held_out_views_and_times() {
+fn wrong_colours_are_corrected_at_held_out_views_and_times() {
     let flaws = Flaws { interior: true, unseen_sh: 1.5, noise: 0.0 };
     let case = case(9_000, 3, 8, (240, 180), flaws);
     let refined = run(&case, &options());
     let scene = refined.scene(&case.scene);
     let before = psnr(&case.scene, &case, &case.held_out, &EVAL);
     let after = psnr(&scene, &case, &case.held_out, &EVAL);
-    assert!(after[0] > before[0] + 5.0, "inside the mask: {before:?} → {after:?} dB");
+    // seen 6.3 dB
+    assert!(after[0] > before[0] + 6.0, "inside the mask: {before:?} → {after:?} dB");
     assert!(after[1] > before[1] - 0.05, "outside the mask: {before:?} → {after:?} dB");
 
     let clip: Vec<f32> = (1_u8..=9).map(|k| f32::from(k) * 0.1).collect();
@@ -59,7 +60,7 @@ fn wrong_colours_are_mended_at_held_out_views_and_times() {
 }
 
 #[test]
-fn a_scene_without_flaws_comes_back_unchanged() {
+fn a_scene_without_flaws_is_unchanged() {
     // colours that frame 1 shows are correct by definition: their noise must not change
     let flaws = Flaws { interior: false, unseen_sh: 0.0, noise: 0.1 };
     let case = case(9_000, 1, 8, (240, 180), flaws);
@@ -73,7 +74,7 @@ fn a_scene_without_flaws_comes_back_unchanged() {
 }
 
 #[test]
-fn uncovered_background_is_not_painted_with_the_foreground() {
+fn uncovered_background_does_not_get_foreground_colours() {
     let scene = Slide::new();
     let [refined, untested] = [true, false].map(|tested| scene.refined(tested));
     let camera = &Slide::cameras(128, 96)[1];
@@ -92,14 +93,14 @@ fn uncovered_background_is_not_painted_with_the_foreground() {
             let (to_wall, to_board) =
                 (distance(&now, [red, green, blue]), distance(&now, Slide::BOARD));
             // worst seen 0.05 of the distance to the board
-            assert!(to_wall < 0.1 * to_board, "({x}, {y}): wall {to_wall}, board {to_board}");
+            assert!(to_wall < 0.07 * to_board, "({x}, {y}): wall {to_wall}, board {to_board}");
             sum += to_wall;
             painted += distance(&control, [red, green, blue]);
         }
     }
     let [mean, painted] = [sum, painted].map(|sum| sum / (40.0 * 28.0));
     // seen 0.0018
-    assert!(mean < 0.01, "the uncovered wall changed by {mean}");
+    assert!(mean < 0.004, "the uncovered wall changed by {mean}");
     // negative control: without the occlusion test, the wall gets the board's colour; seen 0.70
     assert!(painted > 0.3, "without occlusion test {painted}, with it {mean}");
 }

@@ -28,7 +28,7 @@ fn both() -> &'static (Delivered, Painted) {
 }
 
 #[test]
-fn both_kinds_of_flaws_are_mended_in_one_run() {
+fn both_kinds_of_flaws_are_corrected_in_one_run() {
     let (case, scene) = both();
     let judge = Judge::of(case, scene, &[0.2, 0.4, 0.6, 0.8]);
     let options = RefineOptions { samples: 80, ..RefineOptions::default() };
@@ -70,7 +70,7 @@ impl RefineObserver for Interrupter {
 }
 
 #[test]
-fn a_repair_that_is_stopped_goes_on_to_the_same_bits_on_any_number_of_threads() {
+fn interrupted_repairs_resume_bit_identical_on_any_number_of_threads() {
     let (case, scene) = both();
     let options = RefineOptions { samples: 12, ..RefineOptions::default() };
     let times = TimeRange::UNIT.frames(6);
@@ -92,12 +92,12 @@ fn a_repair_that_is_stopped_goes_on_to_the_same_bits_on_any_number_of_threads() 
         let state = observer.states.last().expect("a checkpoint before the end");
         let rest = run(threads, Some(state), &mut NoRefineObserver).unwrap();
         assert_eq!(rest.report.repair, counts, "{threads} threads");
-        assert_eq!(result(rest), whole, "stopped on {stopped_on} threads, went on on {threads}");
+        assert_eq!(result(rest), whole, "stopped on {stopped_on} threads, resumed on {threads}");
     }
     let other = RefineOptions { evidence: None, ..options.clone() };
     let mut observer = Interrupter { left: Some(3), ..Interrupter::default() };
     assert!(run(2, None, &mut observer).is_err(), "stopped");
     let state = observer.states.last().expect("a checkpoint");
     let refused = case.refined_from(scene, &views, &other, Some(state), &mut NoRefineObserver);
-    assert!(matches!(refused, Err(CuarError::State { .. })), "the state of another run");
+    assert!(matches!(refused, Err(CuarError::State { .. })), "the state of a different run");
 }

@@ -134,8 +134,8 @@ fn check(what: &str, scene: &Scene<f64>) {
         assert_close(&format!("{what}: feature {f}"), &ours, &channel(4 + f), 1e-11, 0.0);
     }
 
-    // Single precision may decide borderline samples differently: the bound per
-    // value is loose, the bound of the mean tight.
+    // Borderline samples may differ in single precision: the bound per value is loose, that of the
+    // mean is tight.
     let splats: Splats<f32> = scene.splats.cast();
     let features: Vec<f32> = scene.features.iter().map(|&f| gs_core::Real::as_f32(f)).collect();
     let mut prepared: Prepared<f32> = raster.prepare(&splats, &scene.camera).unwrap();
@@ -169,7 +169,7 @@ fn more_channels_than_one_pass_holds() {
 }
 
 #[test]
-fn one_splat_covers_everything() {
+fn one_splat_that_covers_the_image() {
     let mut scene = random(20, 1, [90, 50], 3);
     scene.splats.log_scales[4] = [2.0, 1.5, 1.8];
     scene.splats.opacity_logits[4] = -1.0;

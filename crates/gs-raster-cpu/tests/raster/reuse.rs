@@ -151,7 +151,7 @@ fn tiles_are_rendered_as_in_the_whole_image() {
         }
     }
     let (whole, whole_grads, whole_colors) = fresh(raster, &scene, &up);
-    // The memory held another, larger image before.
+    // The memory contained a different, larger image before.
     let mut prepared = raster.prepare(splats, &random::<f32>(1, 0, [170, 120], 1).camera).unwrap();
     raster.prepare_tiles_into(splats, camera, &tiles, &mut prepared).unwrap();
     let all = raster.prepare(splats, camera).unwrap();

@@ -38,12 +38,11 @@ pub fn choice() -> AdapterChoice {
 pub fn raster(mode: Mode) -> WgpuRasterizer {
     static CONTEXTS: [OnceLock<GpuContext>; 4] = [const { OnceLock::new() }; 4];
     let context = CONTEXTS[mode as usize].get_or_init(|| {
-        let options = GpuOptions {
-            portable: matches!(mode, Mode::Portable | Mode::Tiny),
-            deterministic: mode == Mode::Deterministic,
-            max_binding_bytes: (mode == Mode::Tiny).then_some(640 << 10),
-            timestamps: mode == Mode::Native,
-        };
+        let mut options = GpuOptions::default();
+        options.portable = matches!(mode, Mode::Portable | Mode::Tiny);
+        options.deterministic = mode == Mode::Deterministic;
+        options.max_binding_bytes = (mode == Mode::Tiny).then_some(640 << 10);
+        options.timestamps = mode == Mode::Native;
         GpuContext::with_options(choice(), options).unwrap_or_else(|error| panic!("{error}"))
     });
     WgpuRasterizer::new(context.clone())

@@ -5,8 +5,8 @@ use crate::{
     dance::Dance,
     math::rng,
     part::Part,
-    rig::Rig,
     sampler::{Point, scatter, weighted_area},
+    skeleton::Skeleton,
 };
 
 /// Target for the smallest distance between forearm and body, splat spacings.
@@ -25,8 +25,8 @@ pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance 
     let (mut close, mut far) = (0.0_f64, 0.6_f64);
     for _ in 0..12 {
         let middle = f64::midpoint(close, far);
-        let rig = Rig { dance: Dance { abduct_rad: middle, ..dance } };
-        if clearance(&rig, &arm, &body) < GAP * spacing {
+        let skeleton = Skeleton { dance: Dance { abduct_rad: middle, ..dance } };
+        if clearance(&skeleton, &arm, &body) < GAP * spacing {
             close = middle;
         } else {
             far = middle;
@@ -36,18 +36,18 @@ pub(super) fn dance(bodies: &[Body], num_surface: usize, dance: Dance) -> Dance 
 }
 
 /// Smallest distance between the two sets of points over the clip, world units.
-fn clearance(rig: &Rig, arm: &[Point], body: &[Point]) -> f64 {
-    let mut least = f64::INFINITY;
+fn clearance(skeleton: &Skeleton, arm: &[Point], body: &[Point]) -> f64 {
+    let mut smallest = f64::INFINITY;
     for step in 0..8 {
-        let pose = rig.pose_at(f64::from(step) / 8.0);
+        let pose = skeleton.pose_at(f64::from(step) / 8.0);
         let place = |point: &Point| pose.point(point.attach, point.rest.as_dvec3());
         let body: Vec<_> = body.iter().map(place).collect();
         for point in arm {
             let x = place(point);
             for y in &body {
-                least = least.min(x.distance_squared(*y));
+                smallest = smallest.min(x.distance_squared(*y));
             }
         }
     }
-    least.sqrt()
+    smallest.sqrt()
 }

@@ -7,8 +7,8 @@ use crate::{
     math::round_count,
     paint::{HAIR, Material, SKIN, Spot, matt, rgb},
     part::{Part, Tag},
-    rig::Attach,
     shape::Shape,
+    skeleton::Attach,
 };
 use glam::{Mat3, Vec3};
 use rand_pcg::Pcg64;

@@ -5,8 +5,8 @@ use crate::{
     math::{normal, normal3, smoothstep, uniform},
     paint::{rgb, ripple, stripes},
     part::{Kind, Part, Tag},
-    rig::Frame,
     scene::SplatTruth,
+    skeleton::BoneMotions,
 };
 use glam::{Quat, Vec3};
 use gs_core::quat;
@@ -32,7 +32,7 @@ fn puff(row: &SplatTruth) -> f32 {
 /// Inflates the region's surface; returns the rows of the clothing.
 pub(super) fn dress(
     draft: &mut Draft,
-    posing: &Frame,
+    posing: &BoneMotions,
     region: &Region,
     wear: Wear,
     rng: &mut Pcg64,
@@ -55,7 +55,7 @@ pub(super) fn dress(
 }
 
 /// Rotation from frame 1 back to the bind pose, at a row.
-fn unposed(posing: &Frame, row: &SplatTruth) -> Quat {
+fn unposed(posing: &BoneMotions, row: &SplatTruth) -> Quat {
     let posed = posing.splat(row.attach, row.rest, quat::IDENTITY, [0.0; 3]);
     quat::to_glam(posed.quat).conjugate()
 }
@@ -75,7 +75,7 @@ fn hem(row: &SplatTruth) -> f32 {
 /// clones over the gaps between the originals.
 fn offset(
     draft: &mut Draft,
-    posing: &Frame,
+    posing: &BoneMotions,
     i: usize,
     (wear, spread): (Wear, f32),
     rng: &mut Pcg64,

@@ -8,15 +8,16 @@ use crate::{
     math::round_count,
     paint::{Material, Spot, matt, rgb, ripple, shiny, stripes},
     part::{Bone, Part, Tag},
-    rig::Attach,
     sampler::{scatter, weighted_area},
     shape::{Ring, Shape, ring},
+    skeleton::Attach,
 };
 use glam::{Mat3, Vec3};
 use rand_pcg::Pcg64;
 
 /// Geometry to add.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Graft {
     /// Brimmed hat on the head.
     Hat,
@@ -26,7 +27,7 @@ pub enum Graft {
     Wings,
     /// A block that touches the left arm, attached to the chest.
     Block,
-    /// A thin stick in the right hand, beside the thigh.
+    /// A thin stick in the right hand, next to the thigh.
     Stick,
     /// A ring that hovers above the head and moves with it.
     Halo,
@@ -65,7 +66,7 @@ pub(super) fn add(
     tag: Tag,
     rng: &mut Pcg64,
 ) {
-    let posing = scene.rig.posing();
+    let posing = scene.skeleton.posing();
     let dresser = SplatBuilder::with_parts(&posing, true, false, scene.frame1.sh_degree);
     for point in scatter(bodies, count, 0, rng) {
         let row = dresser.push(&point, &mut draft.splats, rng);

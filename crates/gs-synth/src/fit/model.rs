@@ -25,7 +25,7 @@ struct PlaneAt {
 
 /// Layout of the vector of parameters.
 #[derive(Debug, Clone)]
-pub(super) struct Layout {
+pub(super) struct ParameterLayout {
     planes: [[PlaneAt; 6]; LEVELS],
     trunk: LayerAt,
     heads: [[LayerAt; 2]; 2],
@@ -69,7 +69,7 @@ impl PlaneAt {
     }
 }
 
-impl Layout {
+impl ParameterLayout {
     pub(super) fn new(params: &FitParams) -> Self {
         let mut len = 0;
         let planes = [1, 2].map(|scale| {
@@ -93,7 +93,7 @@ impl Layout {
     }
 
     /// Initialisation as in the reference: spatial planes uniform in 0.1–0.5, time planes 1, Glorot
-    /// for layers; last layers small, so that training starts with little motion.
+    /// for layers. The last layers are small, so that training starts with little motion.
     pub(super) fn initial(&self, rng: &mut Pcg64) -> Vec<f32> {
         let mut params = vec![0.0; self.len];
         for plane in self.planes.iter().flatten().zip(PLANE_AXES.iter().cycle()) {
@@ -178,7 +178,7 @@ impl Default for Scratch {
     }
 }
 
-impl Layout {
+impl ParameterLayout {
     #[inline(always)]
     fn forward(&self, params: &[f32], coords: &[[f32; 4]; PANEL], scratch: &mut Scratch) {
         for (s, (coords, values)) in coords.iter().zip(&mut scratch.values).enumerate() {

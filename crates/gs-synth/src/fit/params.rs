@@ -13,7 +13,7 @@ pub struct FitParams {
     pub time_resolution: usize,
     /// Number of evenly spaced training times. Default 25.
     pub num_times: usize,
-    /// Seed of weights and samples. Default 0.
+    /// Random seed of weights and samples. Default 0.
     pub seed: u64,
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Samples<'a> {
     /// `[T][N]` displacements from time 0, figure sizes.
     pub(super) shifts: Vec<Vec<[f32; 3]>>,
     /// `[T][N]` differences of unit quaternions from time 0, on the same hemisphere.
-    pub(super) turns: Vec<Vec<[f32; 4]>>,
+    pub(super) rotations: Vec<Vec<[f32; 4]>>,
     pub(super) figure_size: f32,
 }
 
@@ -38,7 +38,7 @@ impl Samples<'_> {
                 loss += miss * miss;
                 out[0][k][s] = scale * miss / self.figure_size;
             }
-            for (k, wanted) in self.turns[time][row].iter().enumerate() {
+            for (k, wanted) in self.rotations[time][row].iter().enumerate() {
                 let miss = out[1][k][s] - wanted;
                 loss += QUAT_WEIGHT * miss * miss;
                 out[1][k][s] = scale * QUAT_WEIGHT * miss;

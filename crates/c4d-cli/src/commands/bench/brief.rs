@@ -6,7 +6,9 @@ use crate::failure::{Failure, Outcome};
 use crate::renderer::Renderer;
 use amg::{Follow, MotionOptions};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange};
-use gs_synth::{BriefCase, BriefParams, BriefTruthScene, build_brief, label_transport};
+use gs_synth::{
+    ShortLivedCase, ShortLivedParams, ShortLivedTruthScene, build_short_lived, label_transport,
+};
 use serde::Serialize;
 use std::fmt::Write;
 use std::sync::Arc;
@@ -56,7 +58,7 @@ pub(super) struct BriefScore {
     case: &'static str,
     seed: u64,
     share: f32,
-    lives: [f32; 2],
+    lifetimes: [f32; 2],
     method: Method,
     /// PSNR inside the edited region and outside, dB.
     inside: f64,
@@ -78,11 +80,17 @@ const LIFETIMES: [(f32, [f32; 2]); 4] =
     [(0.8, [0.05, 0.3]), (0.5, [0.05, 0.3]), (0.95, [0.05, 0.15]), (0.8, [0.3, 0.6])];
 
 /// Scores all methods on a case.
-pub(super) fn scores(case: BriefCase, seed: u64, size: usize) -> Outcome<Vec<BriefScore>> {
+pub(super) fn scores(case: ShortLivedCase, seed: u64, size: usize) -> Outcome<Vec<BriefScore>> {
     let mut scores = Vec::new();
-    for (share, lives) in LIFETIMES {
-        let params = BriefParams { num_splats: size, seed, share, lives, ..BriefParams::default() };
-        let scene = build_brief(case, &params)
+    for (share, lifetimes) in LIFETIMES {
+        let params = ShortLivedParams {
+            num_splats: size,
+            seed,
+            share,
+            lifetimes,
+            ..ShortLivedParams::default()
+        };
+        let scene = build_short_lived(case, &params)
             .map_err(|error| Failure::usage(format!("--size {size}: {error}")))?;
         for method in METHODS {
             scores.extend(score(case, &params, &scene, method)?);
@@ -125,9 +133,9 @@ impl DynamicScene for Marked {
 }
 
 fn score(
-    case: BriefCase,
-    params: &BriefParams,
-    scene: &BriefTruthScene,
+    case: ShortLivedCase,
+    params: &ShortLivedParams,
+    scene: &ShortLivedTruthScene,
     method: Method,
 ) -> Outcome<Option<BriefScore>> {
     let start = Instant::now();
@@ -141,11 +149,11 @@ fn score(
     let (moved, edited): (Arc<dyn DynamicScene>, Option<Vec<bool>>) = match method {
         Method::Unedited => (Arc::clone(&source), None),
         Method::Labels => {
-            if matches!(case, BriefCase::Hat | BriefCase::Scale) {
+            if matches!(case, ShortLivedCase::Hat | ShortLivedCase::Scale) {
                 return Ok(None);
             }
             let labels = label_transport(&*source, &scene.touched).map_err(Failure::failed)?;
-            let is_recolour = case == BriefCase::Recolour;
+            let is_recolour = case == ShortLivedCase::Recolour;
             let marked = Marked {
                 source: Arc::clone(&source),
                 hidden: if is_recolour { none() } else { labels.clone() },
@@ -162,11 +170,11 @@ fn score(
     };
     let seconds = start.elapsed().as_secs_f64();
     let (missed, wrong) = match edited {
-        Some(edited) if case != BriefCase::Hat => missed_and_wrong(scene, &edited)?,
+        Some(edited) if case != ShortLivedCase::Hat => missed_and_wrong(scene, &edited)?,
         _ => (f64::NAN, f64::NAN),
     };
     let (inside, outside) = rendered(&*moved, scene)?;
-    let graft = if case == BriefCase::Hat && method != Method::Unedited {
+    let graft = if case == ShortLivedCase::Hat && method != Method::Unedited {
         grafted(&*moved, scene)?
     } else {
         [f64::NAN; 3]
@@ -175,7 +183,7 @@ fn score(
         case: case.name(),
         seed: params.seed,
         share: params.share,
-        lives: params.lives,
+        lifetimes: params.lifetimes,
         method,
         inside,
         outside,
@@ -209,7 +217,7 @@ fn reached(found: &amg::Propagation, num_sources: usize) -> Vec<bool> {
     reached
 }
 
-fn missed_and_wrong(scene: &BriefTruthScene, edited: &[bool]) -> Outcome<(f64, f64)> {
+fn missed_and_wrong(scene: &ShortLivedTruthScene, edited: &[bool]) -> Outcome<(f64, f64)> {
     let mut visible = vec![false; edited.len()];
     for t in TimeRange::UNIT.frames(41) {
         let now = scene.source.at(t).map_err(Failure::failed)?;
@@ -227,7 +235,7 @@ fn missed_and_wrong(scene: &BriefTruthScene, edited: &[bool]) -> Outcome<(f64, f
 }
 
 /// PSNR inside the edited region and outside, over times and two views.
-fn rendered(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<(f64, f64)> {
+fn rendered(moved: &dyn DynamicScene, scene: &ShortLivedTruthScene) -> Outcome<(f64, f64)> {
     let mut renderers = [0, 1, 2].map(|_| Renderer::new(&Device::Cpu, [0.5; 3]));
     let mut sums = [(0.0_f64, 0_usize); 2];
     for t in TIMES {
@@ -257,7 +265,7 @@ fn rendered(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<(f64, 
 }
 
 /// Of new splats, over the clip: mean and largest error of positions, and smallest share of opacity.
-fn grafted(moved: &dyn DynamicScene, scene: &BriefTruthScene) -> Outcome<[f64; 3]> {
+fn grafted(moved: &dyn DynamicScene, scene: &ShortLivedTruthScene) -> Outcome<[f64; 3]> {
     let new: Vec<usize> = scene
         .truth
         .new_rows()
@@ -295,15 +303,17 @@ pub(super) fn table(scores: &[BriefScore]) -> String {
     );
     let mut keys: Vec<(&str, f32, [f32; 2], Method)> = Vec::new();
     for score in scores {
-        let key = (score.case, score.share, score.lives, score.method);
+        let key = (score.case, score.share, score.lifetimes, score.method);
         if !keys.contains(&key) {
             keys.push(key);
         }
     }
-    for (case, share, lives, method) in keys {
+    for (case, share, lifetimes, method) in keys {
         let same: Vec<&BriefScore> = scores
             .iter()
-            .filter(|s| (s.case, s.share, s.lives, s.method) == (case, share, lives, method))
+            .filter(|s| {
+                (s.case, s.share, s.lifetimes, s.method) == (case, share, lifetimes, method)
+            })
             .collect();
         let mean = |of: fn(&BriefScore) -> f64| {
             same.iter().map(|score| of(score)).sum::<f64>() / same.len() as f64
@@ -315,8 +325,8 @@ pub(super) fn table(scores: &[BriefScore]) -> String {
             text,
             "| {case} | {:.0} %, {:.2}–{:.2} | {} | {:.1} | {:.1} | {} | {} | {}, {} | {} | {:.2} |",
             100.0 * share,
-            lives[0],
-            lives[1],
+            lifetimes[0],
+            lifetimes[1],
             method.name(),
             mean(|s| s.inside),
             mean(|s| s.outside),

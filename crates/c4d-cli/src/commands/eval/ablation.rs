@@ -42,7 +42,7 @@ const fn variant(
 const KNN: (PresetArg, Option<BaselineArg>) = (PresetArg::Paper, Some(BaselineArg::Knn));
 const NETWORK: (PresetArg, Option<BaselineArg>) = (PresetArg::Paper, Some(BaselineArg::Deformnet));
 const PAPER: (PresetArg, Option<BaselineArg>) = (PresetArg::Paper, None);
-const BEST: (PresetArg, Option<BaselineArg>) = (PresetArg::Best, None);
+const DEFAULT: (PresetArg, Option<BaselineArg>) = (PresetArg::Default, None);
 
 /// Variants in the paper's order. Its "w/o both" is DeformNet-Guide, its "w/ both" is the preset
 /// `paper`.
@@ -52,8 +52,8 @@ const VARIANTS: [Variant; 7] = [
     variant("cuar", "CUAR", NETWORK, true),
     variant("amg", "AMG", PAPER, false),
     variant("both", "both (preset paper)", PAPER, true),
-    variant("default-motion", "default, w/o refinement", BEST, false),
-    variant("default", "default", BEST, true),
+    variant("default-motion", "default, w/o refinement", DEFAULT, false),
+    variant("default", "default", DEFAULT, true),
 ];
 /// Variants for scenes without a deformation network.
 const WITHOUT_NETWORK: [Variant; 6] = [
@@ -61,8 +61,8 @@ const WITHOUT_NETWORK: [Variant; 6] = [
     variant("cuar", "CUAR (KNN-Guide)", KNN, true),
     variant("amg", "AMG", PAPER, false),
     variant("both", "both (preset paper)", PAPER, true),
-    variant("default-motion", "default, w/o refinement", BEST, false),
-    variant("default", "default", BEST, true),
+    variant("default-motion", "default, w/o refinement", DEFAULT, false),
+    variant("default", "default", DEFAULT, true),
 ];
 
 /// Transport weights `[λ0, λ1, λ2]`: the paper's, and those of its figure.
@@ -140,7 +140,7 @@ fn make(
 ) -> Outcome {
     // The paper and its baselines estimate the motion of every splat.
     let motion = match variant.preset {
-        PresetArg::Best => MotionArg::Edited,
+        PresetArg::Default => MotionArg::Edited,
         PresetArg::Paper => MotionArg::All,
     };
     let flags = RefineFlags {

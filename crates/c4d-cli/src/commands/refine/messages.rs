@@ -12,7 +12,7 @@ pub(super) const OTHER_VIEWS: &str = "; --refine-cameras sets other views, --ref
 
 /// One sentence: what was repaired, what was not, and why.
 pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: usize) -> String {
-    let RepairCounts { hidden, recoloured, meaningless, faded, undecided, reaches_hidden } =
+    let RepairCounts { hidden, recoloured, meaningless, faded, ambiguous, reaches_hidden, .. } =
         report.repair;
     let mut done = Vec::new();
     if recoloured > 0 {
@@ -37,9 +37,9 @@ pub(super) fn summary(report: &RefineReport, options: &RefineOptions, changed: u
         ));
     }
     let mut left = Vec::new();
-    if undecided > 0 {
+    if ambiguous > 0 {
         left.push(format!(
-            "{undecided} hidden splats near a change, because the surface around them is ambiguous"
+            "{ambiguous} hidden splats near a change, because the surface around them is ambiguous"
         ));
     }
     if reaches_hidden {
@@ -131,7 +131,7 @@ pub(super) fn json(report: &RefineReport, changed: usize, cameras: &[Camera]) ->
             "recoloured": report.repair.recoloured,
             "meaningless": report.repair.meaningless,
             "faded": report.repair.faded,
-            "undecided": report.repair.undecided,
+            "ambiguous": report.repair.ambiguous,
             "edit_reaches_hidden": report.repair.reaches_hidden,
         },
         "pixels": {
@@ -158,12 +158,15 @@ mod tests {
     #[test]
     fn the_summary_lists_repaired_and_unchanged_splats_with_reasons() {
         let options = RefineOptions::default();
-        let mut report = RefineReport { num_edited: 50, ..RefineReport::default() };
+        let mut report = RefineReport::default();
+        report.num_edited = 50;
         report.repair.hidden = 9;
         let nothing = summary(&report, &options, 0);
         assert!(nothing.starts_with("nothing was repaired; unchanged: the 9 splats"), "{nothing}");
-        report.repair =
-            RepairCounts { recoloured: 7, meaningless: 2, faded: 3, undecided: 4, ..report.repair };
+        report.repair.recoloured = 7;
+        report.repair.meaningless = 2;
+        report.repair.faded = 3;
+        report.repair.ambiguous = 4;
         report.supervision.masked = 10;
         report.supervision.surface = 8;
         report.supervision.rejections[4] = 2;

@@ -110,7 +110,7 @@ impl RefineObserver for Keep<'_> {
         }
     }
 
-    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+    fn store_image(&mut self, at: ViewTime, bytes: &[u8]) {
         let Some(images) = &mut self.images else { return };
         match images.put(at, bytes) {
             Ok(()) => self.count += 1,

@@ -84,11 +84,11 @@ impl RefineObserver for ProgressObserver<'_> {
         }
     }
 
-    fn kept_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
+    fn stored_image(&mut self, at: ViewTime) -> Option<Vec<u8>> {
         self.images.as_mut()?.get(at)
     }
 
-    fn keep_image(&mut self, at: ViewTime, bytes: &[u8]) {
+    fn store_image(&mut self, at: ViewTime, bytes: &[u8]) {
         // The refinement does not need the images on disk; without them, resuming takes longer.
         if let Some(images) = &mut self.images
             && let Err(error) = images.put(at, bytes)

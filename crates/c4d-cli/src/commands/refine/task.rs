@@ -115,7 +115,7 @@ pub(super) fn chosen(
     settings: &RefineSettings,
 ) -> Outcome<RefineOptions> {
     let mut options = RefineOptions::preset(match preset {
-        PresetArg::Best => RefinePreset::Best,
+        PresetArg::Default => RefinePreset::Default,
         PresetArg::Paper => RefinePreset::Paper,
     });
     settings.apply(&mut options)?;

@@ -10,7 +10,7 @@ use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, Tim
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{
     DemoParams, Edit, EditedFrame, Paint, Part, Region, SynthError, SynthScene, UnseenColor,
-    apply_edits, deliver, demo,
+    apply_edits, apply_visible_edits, demo,
 };
 
 /// An edit that misses splats that its pictures do not show.
@@ -119,7 +119,7 @@ fn given(
     let raster = CpuRasterizer::default();
     let shown =
         |splats: &Splats| first_frame_shares(&raster, splats, pictures).map_err(Failed::Cuar);
-    deliver(source, edits, 0, unseen, shown).unwrap()
+    apply_visible_edits(source, edits, 0, unseen, shown).unwrap()
 }
 
 /// Source row of each splat that has the geometry of a source splat.
@@ -140,7 +140,7 @@ impl Delivered {
         self.with(self.truth.clone())
     }
 
-    /// The same case with another colour on splats that the editor's pictures do not show.
+    /// The same case with a different colour on splats that the editor's pictures do not show.
     pub fn with_unseen(&self, unseen: UnseenColor) -> Self {
         self.with(given(&self.source, &self.edits, unseen, &self.pictures))
     }

@@ -8,8 +8,8 @@
     reason = "pixels inside the image, single-precision places"
 )]
 
-pub mod bars;
 pub mod delivered;
+pub mod limits;
 pub mod slide;
 
 use cuar::{artifact_mask, render_uncertainty};

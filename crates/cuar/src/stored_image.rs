@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_round_trip_and_damage_is_noticed() {
+    fn images_round_trip_and_damaged_bytes_are_rejected() {
         let at = ViewTime { view: 2, time: 0.25 };
         let entry = |row| Entry {
             local: row,

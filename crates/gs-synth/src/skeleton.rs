@@ -1,4 +1,4 @@
-//! [`Rig`]: poses of all bones at any time, and [`Frame`]: the
+//! [`Skeleton`]: poses of all bones at any time, and [`BoneMotions`]: the
 //! motion between two poses, applied to splats.
 
 use crate::{
@@ -15,11 +15,11 @@ const NUM_BONES: usize = Bone::ALL.len();
 
 /// Poses of all bones at times `t` in `[0,1]`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Rig {
+pub(crate) struct Skeleton {
     pub(crate) dance: Dance,
 }
 
-impl Rig {
+impl Skeleton {
     /// Bind pose to world at time `t`, per bone.
     fn poses(&self, t: f64) -> [Pose; NUM_BONES] {
         let mut poses = [Pose::IDENTITY; NUM_BONES];
@@ -31,18 +31,18 @@ impl Rig {
     }
 
     /// From the bind pose to frame 1.
-    pub(crate) fn posing(&self) -> Frame {
+    pub(crate) fn posing(&self) -> BoneMotions {
         self.pose_at(0.0)
     }
 
     /// From the bind pose to time `t`.
-    pub(crate) fn pose_at(&self, t: f64) -> Frame {
-        Frame::between(&[Pose::IDENTITY; NUM_BONES], &self.poses(t), t)
+    pub(crate) fn pose_at(&self, t: f64) -> BoneMotions {
+        BoneMotions::between(&[Pose::IDENTITY; NUM_BONES], &self.poses(t), t)
     }
 
     /// From frame 1 to time `t`.
-    pub(crate) fn motion(&self, t: f64) -> Frame {
-        Frame::between(&self.poses(0.0), &self.poses(t), t)
+    pub(crate) fn motion(&self, t: f64) -> BoneMotions {
+        BoneMotions::between(&self.poses(0.0), &self.poses(t), t)
     }
 }
 
@@ -88,12 +88,12 @@ struct Joint {
 /// The motion of all bones from one pose to another. Every point moves by
 /// the similarity transform of its [`Attach`].
 #[derive(Debug, Clone)]
-pub(crate) struct Frame {
+pub(crate) struct BoneMotions {
     joints: [Joint; NUM_BONES],
     t: f64,
 }
 
-impl Frame {
+impl BoneMotions {
     fn between(from: &[Pose; NUM_BONES], to: &[Pose; NUM_BONES], t: f64) -> Self {
         let joints = Bone::ALL.map(|bone| {
             let id = bone as usize;
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn joints_are_continuous_in_weight_and_keep_their_pivot() {
-        let frame = Rig { dance: Dance::default() }.motion(0.4);
+        let frame = Skeleton { dance: Dance::default() }.motion(0.4);
         let bone = Bone::ForearmL;
         let pivot = frame.joints[bone as usize].pivot;
         let ends = [

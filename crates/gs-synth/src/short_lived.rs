@@ -1,5 +1,5 @@
-//! [`BriefScene`]: a figure whose splats live for a part of the clip, as in Spacetime Gaussians and
-//! native 4D Gaussians; edits of its first frame, and their ground truth.
+//! [`ShortLivedScene`]: a figure whose splats are visible only for a part of the clip, as in
+//! Spacetime Gaussians and native 4D Gaussians.
 //!
 //! Every splat has its own position on the true surface. A short-lived splat is there at its centre
 //! time `c`, moves in a straight line with the surface's velocity at `c`, and its opacity is
@@ -12,14 +12,14 @@ use crate::{
     body::Body,
     dance::Dance,
     math::{normal3, rng, uniform, wide},
-    rig::{Attach, Frame, Rig},
+    skeleton::{Attach, BoneMotions, Skeleton},
 };
 use glam::{Quat, Vec3};
 use gs_core::{DynamicScene, SceneError, Splats, TimeRange, activation, quat};
 use gs_deform::{Polynomial, PolynomialScene};
 use std::ops::RangeInclusive;
 
-/// Standard deviations in a visible life, the time during which opacity is above a twentieth of its
+/// Standard deviations in a visible lifetime, during which opacity is above a twentieth of its
 /// peak.
 const SIGMAS_PER_LIFE: f32 = 4.896;
 /// Half the time over which velocities are taken, shares of the clip.
@@ -29,28 +29,28 @@ const BEYOND: f32 = 0.1;
 /// Logit of a completely faded splat: an opacity of 1e-6.
 const FADED_LOGIT: f32 = -13.8;
 
-/// Parameters of a [`BriefScene`].
+/// Parameters of a [`ShortLivedScene`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BriefParams {
+pub struct ShortLivedParams {
     /// Number of splats, at least 1 000.
     pub num_splats: usize,
-    /// Seed of every random choice.
+    /// Random seed.
     pub seed: u64,
-    /// Share of splats that live briefly, 0–1.
+    /// Share of short-lived splats, 0–1.
     pub share: f32,
-    /// Shortest and longest visible life, shares of the clip.
-    pub lives: [f32; 2],
+    /// Shortest and longest visible lifetime, shares of the clip.
+    pub lifetimes: [f32; 2],
     /// Distance of the generations from the true surface, root mean square per axis, figure sizes.
     pub jitter: f32,
 }
 
-impl Default for BriefParams {
+impl Default for ShortLivedParams {
     fn default() -> Self {
-        Self { num_splats: 6_000, seed: 0, share: 0.8, lives: [0.05, 0.3], jitter: 0.001 }
+        Self { num_splats: 6_000, seed: 0, share: 0.8, lifetimes: [0.05, 0.3], jitter: 0.001 }
     }
 }
 
-impl BriefParams {
+impl ShortLivedParams {
     /// Values that are accepted for `num_splats`.
     pub const NUM_SPLATS: RangeInclusive<usize> = 1_000..=10_000_000;
 
@@ -61,9 +61,9 @@ impl BriefParams {
         if !(0.0..=1.0).contains(&self.share) {
             return Err(SynthError::param("share", self.share, "0 to 1"));
         }
-        let [low, high] = self.lives;
+        let [low, high] = self.lifetimes;
         if !(low > 0.0 && low <= high && high <= 10.0) {
-            return Err(SynthError::param("lives", low, "above 0, ascending, at most 10"));
+            return Err(SynthError::param("lifetimes", low, "above 0, ascending, at most 10"));
         }
         if !(0.0..=0.1).contains(&self.jitter) {
             return Err(SynthError::param("jitter", self.jitter, "0 to 0.1"));
@@ -72,7 +72,7 @@ impl BriefParams {
     }
 }
 
-/// Life of a short-lived splat.
+/// Lifetime and motion of a short-lived splat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Life {
     centre: f32,
@@ -84,34 +84,37 @@ struct Life {
     log_scales: [f32; 3],
 }
 
-/// A figure of which most splats live briefly.
+/// A figure with mostly short-lived splats.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BriefScene {
+pub struct ShortLivedScene {
     /// The same splats, lasting for the whole clip.
     pub(crate) lasting: SynthScene,
-    lives: Vec<Option<Life>>,
+    lifetimes: Vec<Option<Life>>,
 }
 
-impl BriefScene {
-    /// The figure of the demo, of surface splats only, with lives.
+impl ShortLivedScene {
+    /// The figure of the demo, with surface splats only, as short-lived splats.
     ///
     /// # Errors
     /// If a parameter is out of range.
-    pub fn figure(params: &BriefParams) -> Result<Self, SynthError> {
+    pub fn figure(params: &ShortLivedParams) -> Result<Self, SynthError> {
         Self::of_bodies(crate::figure::bodies(), params)
     }
 
-    pub(crate) fn of_bodies(bodies: Vec<Body>, params: &BriefParams) -> Result<Self, SynthError> {
+    pub(crate) fn of_bodies(
+        bodies: Vec<Body>,
+        params: &ShortLivedParams,
+    ) -> Result<Self, SynthError> {
         params.check()?;
         let groups = [Group { bodies, num_surface: params.num_splats, num_interior: 0 }];
-        let rig = Rig { dance: Dance::default() };
-        let mut lasting = assemble(rig, &groups, Flaws::default(), 1, params.seed);
+        let skeleton = Skeleton { dance: Dance::default() };
+        let mut lasting = assemble(skeleton, &groups, Flaws::default(), 1, params.seed);
         let mut draw = rng(params.seed, 20);
         let times: Vec<Option<(f32, f32)>> = (0..params.num_splats)
             .map(|_| {
                 let is_brief = uniform(&mut draw, 0.0, 1.0) < params.share;
                 let centre = uniform(&mut draw, -BEYOND, 1.0 + BEYOND);
-                let life = uniform(&mut draw, params.lives[0], params.lives[1]);
+                let life = uniform(&mut draw, params.lifetimes[0], params.lifetimes[1]);
                 is_brief.then_some((centre, life / SIGMAS_PER_LIFE))
             })
             .collect();
@@ -129,7 +132,7 @@ impl BriefScene {
             }
         }
         let jitter = params.jitter * lasting.figure_size;
-        let lives = times
+        let lifetimes = times
             .into_iter()
             .enumerate()
             .map(|(row, life)| {
@@ -138,7 +141,7 @@ impl BriefScene {
                 Some(life_of(&lasting, row, (centre, sigma), offset, turn))
             })
             .collect();
-        Ok(Self { lasting, lives })
+        Ok(Self { lasting, lifetimes })
     }
 
     /// The same splats, lasting for the whole clip, exactly on the surface.
@@ -146,17 +149,17 @@ impl BriefScene {
         &self.lasting
     }
 
-    /// The same scene as splats that move along lines and fade, as trainers store it; `None` if
-    /// some splats last, because those do not move along lines.
+    /// The same scene as splats that move along lines and fade, as trainers store it; `None` if some
+    /// splats last for the whole clip, because those do not move along lines.
     pub fn lines(&self) -> Option<PolynomialScene> {
-        let lives = self.lives.iter().copied().collect::<Option<Vec<Life>>>()?;
+        let lifetimes = self.lifetimes.iter().copied().collect::<Option<Vec<Life>>>()?;
         let rest = Splats {
-            means: lives.iter().map(|life| life.mean.into()).collect(),
-            quats: lives.iter().map(|life| life.quat).collect(),
-            log_scales: lives.iter().map(|life| life.log_scales).collect(),
+            means: lifetimes.iter().map(|life| life.mean.into()).collect(),
+            quats: lifetimes.iter().map(|life| life.quat).collect(),
+            log_scales: lifetimes.iter().map(|life| life.log_scales).collect(),
             ..self.lasting.frame1.clone()
         };
-        let motions = lives.iter().map(|life| Polynomial {
+        let motions = lifetimes.iter().map(|life| Polynomial {
             velocity: [life.velocity.into(), [0.0; 3], [0.0; 3]],
             omega: [0.0; 4],
             centre: life.centre,
@@ -172,7 +175,8 @@ impl BriefScene {
 
     /// Opacity at `t` divided by its peak.
     fn presence(&self, row: usize, t: f32) -> f32 {
-        self.lives[row].map_or(1.0, |life| (-0.5 * ((t - life.centre) / life.sigma).powi(2)).exp())
+        self.lifetimes[row]
+            .map_or(1.0, |life| (-0.5 * ((t - life.centre) / life.sigma).powi(2)).exp())
     }
 }
 
@@ -186,9 +190,9 @@ fn life_of(
     let attach = lasting.rows[row].attach;
     let frame1 = &lasting.frame1;
     let c = f64::from(centre);
-    let at = |t: f64| lasting.rig.motion(t).point(attach, wide(frame1.means[row]));
+    let at = |t: f64| lasting.skeleton.motion(t).point(attach, wide(frame1.means[row]));
     let velocity = (at(c + VELOCITY_STEP) - at(c - VELOCITY_STEP)) / (2.0 * VELOCITY_STEP);
-    let moved = lasting.rig.motion(c).splat(
+    let moved = lasting.skeleton.motion(c).splat(
         attach,
         frame1.means[row],
         frame1.quats[row],
@@ -205,11 +209,11 @@ fn life_of(
 }
 
 /// Motion of a bone since frame 1.
-pub(crate) fn bone_motion(frame: &Frame, attach: Attach) -> crate::pose::Pose {
+pub(crate) fn bone_motion(frame: &BoneMotions, attach: Attach) -> crate::pose::Pose {
     frame.pose(attach)
 }
 
-impl DynamicScene for BriefScene {
+impl DynamicScene for ShortLivedScene {
     fn num_splats(&self) -> usize {
         self.lasting.num_splats()
     }
@@ -224,7 +228,7 @@ impl DynamicScene for BriefScene {
 
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.lasting.at_into(t, out)?;
-        for (row, life) in self.lives.iter().enumerate() {
+        for (row, life) in self.lifetimes.iter().enumerate() {
             let Some(life) = life else { continue };
             out.means[row] = (life.mean + life.velocity * (t - life.centre)).into();
             out.quats[row] = life.quat;
@@ -242,9 +246,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn generations_stand_for_the_same_surface() {
-        let params = BriefParams { num_splats: 2_000, jitter: 0.0, ..BriefParams::default() };
-        let scene = BriefScene::figure(&params).unwrap();
+    fn generations_lie_on_the_same_surface() {
+        let params =
+            ShortLivedParams { num_splats: 2_000, jitter: 0.0, ..ShortLivedParams::default() };
+        let scene = ShortLivedScene::figure(&params).unwrap();
         let size = scene.figure_size();
         for t in [0.0, 0.4, 1.0] {
             let (now, truth) = (scene.at(t).unwrap(), scene.lasting().at(t).unwrap());
@@ -271,9 +276,10 @@ mod tests {
     }
 
     #[test]
-    fn brief_splats_move_along_lines() {
-        let params = BriefParams { num_splats: 1_000, share: 1.0, ..BriefParams::default() };
-        let scene = BriefScene::figure(&params).unwrap();
+    fn short_lived_splats_move_along_lines() {
+        let params =
+            ShortLivedParams { num_splats: 1_000, share: 1.0, ..ShortLivedParams::default() };
+        let scene = ShortLivedScene::figure(&params).unwrap();
         let lines = scene.lines().unwrap();
         for t in [0.0, 0.6, 1.0] {
             let (expected, found) = (scene.at(t).unwrap(), lines.at(t).unwrap());
@@ -285,16 +291,17 @@ mod tests {
             }
             assert_eq!(found.sh, expected.sh, "colours at {t}");
         }
-        let some_last = BriefScene::figure(&BriefParams { share: 0.9, ..params }).unwrap();
+        let some_last =
+            ShortLivedScene::figure(&ShortLivedParams { share: 0.9, ..params }).unwrap();
         assert!(some_last.lines().is_none(), "splats that last are not on lines");
     }
 
     #[test]
     fn parameters_are_checked() {
-        let wrong = |params: BriefParams| BriefScene::figure(&params).is_err();
-        let usual = BriefParams::default();
-        assert!(wrong(BriefParams { share: 1.5, ..usual }), "share");
-        assert!(wrong(BriefParams { lives: [0.3, 0.1], ..usual }), "lives");
-        assert!(wrong(BriefParams { num_splats: 10, ..usual }), "size");
+        let wrong = |params: ShortLivedParams| ShortLivedScene::figure(&params).is_err();
+        let usual = ShortLivedParams::default();
+        assert!(wrong(ShortLivedParams { share: 1.5, ..usual }), "share");
+        assert!(wrong(ShortLivedParams { lifetimes: [0.3, 0.1], ..usual }), "lifetimes");
+        assert!(wrong(ShortLivedParams { num_splats: 10, ..usual }), "size");
     }
 }

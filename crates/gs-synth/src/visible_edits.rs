@@ -1,4 +1,4 @@
-//! [`deliver`]: the result of an editor that works only on images of frame 1.
+//! [`apply_visible_edits`]: the result of an editor that works only on images of frame 1.
 
 use crate::{
     Edit, EditedFrame, SynthError, SynthScene,
@@ -18,6 +18,7 @@ const ROUNDS: usize = 12;
 
 /// Colour that an editor leaves on splats that its pictures do not show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum UnseenColor {
     /// The colour of the source.
     #[default]
@@ -30,8 +31,8 @@ pub enum UnseenColor {
 }
 
 /// As [`crate::apply_edits`], but splats that are hidden in the editor's images of frame 1 are not
-/// changed: they keep the colour of the source splat from which they descend (or get another, see
-/// `unseen`), and are not removed. `shown` returns the largest share of each splat's unoccluded
+/// changed: they keep the colour of the source splat from which they descend (or get a different
+/// one, see `unseen`), and are not removed. `shown` returns the largest share of each splat's unoccluded
 /// weight that is visible in any image, `[N]` in 0 to 1; it is called again after every round of
 /// removal.
 ///
@@ -40,7 +41,7 @@ pub enum UnseenColor {
 ///
 /// # Errors
 /// As [`crate::apply_edits`], or if `shown` fails.
-pub fn deliver<E: From<SynthError>>(
+pub fn apply_visible_edits<E: From<SynthError>>(
     scene: &SynthScene,
     edits: &[Edit],
     seed: u64,
@@ -63,8 +64,7 @@ pub fn deliver<E: From<SynthError>>(
     Ok(truth::finish(scene, draft))
 }
 
-/// Restores the source's colour of splats that are hidden in all images, or gives them a
-/// meaningless one.
+/// Restores the source's colour of splats that are hidden in all images, or sets a meaningless one.
 fn color_unseen(
     scene: &SynthScene,
     draft: &mut Draft,

@@ -1,6 +1,6 @@
-//! [`BriefCase`]: edits of the splats visible in frame 1, and the correct result at every time.
+//! [`ShortLivedCase`]: edits of the splats visible in frame 1, and the correct result at every time.
 
-use crate::brief::{BriefParams, BriefScene, bone_motion};
+use crate::short_lived::{ShortLivedParams, ShortLivedScene, bone_motion};
 use crate::{
     Edit, EditedFrame, Graft, Paint, Region, SynthError, SynthScene, apply_edits,
     math::{narrow, wide, wxyz},
@@ -16,8 +16,9 @@ const VISIBLE: f32 = 0.02;
 
 /// An edit of a scene with short-lived splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum BriefCase {
-    /// Chest and upper arms get a jacket of another colour.
+#[non_exhaustive]
+pub enum ShortLivedCase {
+    /// Chest and upper arms get a jacket of a different colour.
     Recolour,
     /// A forearm is deleted.
     Delete,
@@ -27,7 +28,7 @@ pub enum BriefCase {
     Scale,
 }
 
-impl BriefCase {
+impl ShortLivedCase {
     /// All cases.
     pub const ALL: [Self; 4] = [Self::Recolour, Self::Delete, Self::Hat, Self::Scale];
 
@@ -50,23 +51,23 @@ impl BriefCase {
             },
             Self::Delete => Edit::Remove { region: Region::parts(&[Part::ForearmR]) },
             Self::Hat => Edit::Graft(Graft::Hat),
-            Self::Scale => Edit::Place {
+            Self::Scale => Edit::Transform {
                 region: Region::parts(&[Part::Held]),
                 scale: 1.5,
-                turn_rad: [0.0; 3],
+                rotation_rad: [0.0; 3],
                 shift: [0.0; 3],
             },
         }
     }
 }
 
-impl fmt::Display for BriefCase {
+impl fmt::Display for ShortLivedCase {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for BriefCase {
+impl FromStr for ShortLivedCase {
     type Err = SynthError;
 
     fn from_str(name: &str) -> Result<Self, SynthError> {
@@ -77,13 +78,13 @@ impl FromStr for BriefCase {
 
 /// A source, an edit of its first frame, and the correct result at every time.
 #[derive(Debug, Clone)]
-pub struct BriefTruthScene {
+pub struct ShortLivedTruthScene {
     /// The dynamic source.
-    pub source: BriefScene,
+    pub source: ShortLivedScene,
     /// Output of the editor. Splats that are invisible in frame 1 are unchanged.
     pub edited: Splats,
     /// The edit of the whole surface.
-    pub truth: BriefTruth,
+    pub truth: ShortLivedTruth,
     /// Flags of the source splats on the edited surface, `[N]`.
     pub touched: Vec<bool>,
     /// SH of all source splats with the new colours of the case, for controls that are given them;
@@ -95,11 +96,11 @@ pub struct BriefTruthScene {
 
 /// Origin of a splat of the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Is {
+enum Origin {
     /// A source splat, possibly with other colours.
     Source(usize),
-    /// A source splat, placed with its part.
-    Placed(usize),
+    /// A source splat, transformed with its part.
+    Transformed(usize),
     /// New geometry.
     New,
 }
@@ -107,34 +108,34 @@ enum Is {
 /// An edit of the whole surface: every source splat is edited as if it were visible in frame 1.
 /// Rows are those of the edited frame without those that the edit should have removed.
 #[derive(Debug, Clone)]
-pub struct BriefTruth {
-    source: BriefScene,
+pub struct ShortLivedTruth {
+    source: ShortLivedScene,
     /// The same edit of the lasting splats.
     lasting: SynthScene,
-    rows: Vec<Is>,
-    /// Similarity of the placed splats at frame 1.
-    placed: Option<Pose>,
+    rows: Vec<Origin>,
+    /// Similarity of the transformed splats at frame 1.
+    transform: Option<Pose>,
 }
 
-impl BriefTruth {
+impl ShortLivedTruth {
     /// Which rows are new geometry, `[M]`.
     pub fn new_rows(&self) -> Vec<bool> {
-        self.rows.iter().map(|row| *row == Is::New).collect()
+        self.rows.iter().map(|row| *row == Origin::New).collect()
     }
 
-    /// Writes centre, rotation and scales of row `i` at `t`, if it is placed.
-    fn place(&self, i: usize, source: usize, t: f32, now: &Splats, out: &mut Splats) {
-        let Some(placed) = self.placed else { return };
+    /// Writes centre, rotation and scales of row `i` at `t`, if it is transformed.
+    fn write_transformed(&self, i: usize, source: usize, t: f32, now: &Splats, out: &mut Splats) {
+        let Some(transform) = self.transform else { return };
         let attach = self.source.lasting.rows[source].attach;
-        let motion = bone_motion(&self.source.lasting.rig.motion(f64::from(t)), attach);
-        let by = motion.after(&placed).after(&motion.inverse());
+        let motion = bone_motion(&self.source.lasting.skeleton.motion(f64::from(t)), attach);
+        let by = motion.after(&transform).after(&motion.inverse());
         out.means[i] = by.apply(wide(now.means[source])).as_vec3().into();
         out.quats[i] = quat::mul(wxyz(by.rotation), now.quats[source]);
         out.log_scales[i] = now.log_scales[source].map(|value| value + narrow(by.scale.ln()));
     }
 }
 
-impl DynamicScene for BriefTruth {
+impl DynamicScene for ShortLivedTruth {
     fn num_splats(&self) -> usize {
         self.rows.len()
     }
@@ -152,13 +153,13 @@ impl DynamicScene for BriefTruth {
         self.lasting.at_into(t, out)?;
         let now = self.source.at(t)?;
         for (i, row) in self.rows.iter().enumerate() {
-            let (Is::Source(source) | Is::Placed(source)) = *row else { continue };
+            let (Origin::Source(source) | Origin::Transformed(source)) = *row else { continue };
             out.means[i] = now.means[source];
             out.quats[i] = now.quats[source];
             out.log_scales[i] = now.log_scales[source];
             out.opacity_logits[i] = now.opacity_logits[source];
-            if matches!(row, Is::Placed(_)) {
-                self.place(i, source, t, &now, out);
+            if matches!(row, Origin::Transformed(_)) {
+                self.write_transformed(i, source, t, &now, out);
             }
         }
         Ok(())
@@ -169,49 +170,57 @@ impl DynamicScene for BriefTruth {
 ///
 /// # Errors
 /// If a parameter is out of range.
-pub fn build_brief(case: BriefCase, params: &BriefParams) -> Result<BriefTruthScene, SynthError> {
+pub fn build_short_lived(
+    case: ShortLivedCase,
+    params: &ShortLivedParams,
+) -> Result<ShortLivedTruthScene, SynthError> {
     let mut bodies = crate::figure::bodies();
-    if case == BriefCase::Scale {
+    if case == ShortLivedCase::Scale {
         bodies.extend(crate::figure::lantern());
     }
-    let source = BriefScene::of_bodies(bodies, params)?;
+    let source = ShortLivedScene::of_bodies(bodies, params)?;
     let edit = case.edit();
     let EditedFrame { splats: all, truth } =
         apply_edits(&source.lasting, std::slice::from_ref(&edit), params.seed)?;
     let at_edit = source.at(0.0)?;
     let mut touched = vec![true; at_edit.len()];
-    let rows: Vec<Is> = truth
+    let rows: Vec<Origin> = truth
         .source_rows
         .iter()
         .zip(&truth.tags)
         .map(|(parent, tag)| match *parent {
             Some(id) => {
                 touched[id as usize] = *tag != Tag::Unchanged;
-                if *tag == Tag::Placed { Is::Placed(id as usize) } else { Is::Source(id as usize) }
+                if *tag == Tag::Transformed {
+                    Origin::Transformed(id as usize)
+                } else {
+                    Origin::Source(id as usize)
+                }
             }
-            None => Is::New,
+            None => Origin::New,
         })
         .collect();
-    let placed = placed_by(&edit, &rows, &source.lasting.frame1, &all);
-    let truth = BriefTruth { lasting: truth.scene().clone(), rows, placed, source: source.clone() };
+    let transform = transform_of(&edit, &rows, &source.lasting.frame1, &all);
+    let truth =
+        ShortLivedTruth { lasting: truth.scene().clone(), rows, transform, source: source.clone() };
     // The edited frame: visible splats are edited, all others are unchanged.
     let visible = |row: usize| at_edit.opacity(row) > VISIBLE;
     let whole = truth.at(0.0)?;
-    let mut place_of = vec![None; at_edit.len()];
+    let mut row_of_source = vec![None; at_edit.len()];
     for (i, row) in truth.rows.iter().enumerate() {
-        if let Is::Source(id) | Is::Placed(id) = *row {
-            place_of[id] = Some(i);
+        if let Origin::Source(id) | Origin::Transformed(id) = *row {
+            row_of_source[id] = Some(i);
         }
     }
     let mut edited = Splats::with_capacity(whole.len(), whole.sh_degree);
-    for (row, place) in place_of.iter().enumerate() {
-        match place {
+    for (row, edited_row) in row_of_source.iter().enumerate() {
+        match edited_row {
             Some(i) if visible(row) => edited.push_from(&whole, *i),
             None if visible(row) => {}
             _ => edited.push_from(&at_edit, row),
         }
     }
-    for i in (0..truth.rows.len()).filter(|&i| truth.rows[i] == Is::New) {
+    for i in (0..truth.rows.len()).filter(|&i| truth.rows[i] == Origin::New) {
         edited.push_from(&whole, i);
     }
     let mut painted = match edit {
@@ -223,25 +232,25 @@ pub fn build_brief(case: BriefCase, params: &BriefParams) -> Result<BriefTruthSc
     };
     let coeffs = whole.sh_coeffs();
     for (i, row) in truth.rows.iter().enumerate() {
-        if let Is::Source(id) = *row
+        if let Origin::Source(id) = *row
             && touched[id]
         {
             painted[id * coeffs..(id + 1) * coeffs].copy_from_slice(whole.sh_of(i));
         }
     }
     let cameras = source.lasting.suggested_cameras(400, 400);
-    Ok(BriefTruthScene { source, edited, truth, touched, painted, cameras })
+    Ok(ShortLivedTruthScene { source, edited, truth, touched, painted, cameras })
 }
 
-/// The similarity of an [`Edit::Place`]: its centre follows from any placed splat.
-fn placed_by(edit: &Edit, rows: &[Is], before: &Splats, after: &Splats) -> Option<Pose> {
-    let Edit::Place { scale, turn_rad, .. } = edit else { return None };
+/// The similarity of an [`Edit::Transform`]: its centre follows from any transformed splat.
+fn transform_of(edit: &Edit, rows: &[Origin], before: &Splats, after: &Splats) -> Option<Pose> {
+    let Edit::Transform { scale, rotation_rad, .. } = edit else { return None };
     let (i, source) = rows.iter().enumerate().find_map(|(i, row)| match row {
-        Is::Placed(source) => Some((i, *source)),
+        Origin::Transformed(source) => Some((i, *source)),
         _ => None,
     })?;
-    let turn = DQuat::from_scaled_axis(wide(*turn_rad));
-    let about = Pose::about(DVec3::ZERO, f64::from(*scale), turn, DVec3::ZERO);
+    let rotation = DQuat::from_scaled_axis(wide(*rotation_rad));
+    let about = Pose::about(DVec3::ZERO, f64::from(*scale), rotation, DVec3::ZERO);
     let shift = wide(after.means[i]) - about.apply(wide(before.means[source]));
     Some(Pose { translation: shift, ..about })
 }
@@ -250,13 +259,17 @@ fn placed_by(edit: &Edit, rows: &[Is], before: &Splats, after: &Splats) -> Optio
 mod tests {
     use super::*;
 
-    fn small(case: BriefCase) -> BriefTruthScene {
-        build_brief(case, &BriefParams { num_splats: 2_000, ..BriefParams::default() }).unwrap()
+    fn small(case: ShortLivedCase) -> ShortLivedTruthScene {
+        build_short_lived(
+            case,
+            &ShortLivedParams { num_splats: 2_000, ..ShortLivedParams::default() },
+        )
+        .unwrap()
     }
 
     #[test]
-    fn edits_reach_what_frame_1_shows_and_truths_the_rest() {
-        let scene = small(BriefCase::Recolour);
+    fn edits_change_visible_splats_and_the_truth_changes_all() {
+        let scene = small(ShortLivedCase::Recolour);
         let before = scene.source.at(0.0).unwrap();
         let changed = |row: usize| scene.edited.sh_of(row) != before.sh_of(row);
         for row in 0..before.len() {
@@ -269,16 +282,16 @@ mod tests {
     }
 
     #[test]
-    fn other_edits_are_what_they_say() {
-        let delete = small(BriefCase::Delete);
+    fn deletion_hat_and_scaling_have_the_expected_rows() {
+        let delete = small(ShortLivedCase::Delete);
         let gone = delete.touched.iter().filter(|t| **t).count();
         assert_eq!(delete.truth.num_splats() + gone, delete.source.num_splats(), "removed");
-        assert!(delete.edited.len() > delete.truth.num_splats(), "what is not seen is still there");
-        let hat = small(BriefCase::Hat);
+        assert!(delete.edited.len() > delete.truth.num_splats(), "invisible splats remain");
+        let hat = small(ShortLivedCase::Hat);
         let new = hat.truth.new_rows().iter().filter(|new| **new).count();
         assert!(new > 30 && !hat.touched.contains(&true), "{new}");
-        assert_eq!(hat.edited, hat.truth.at(0.0).unwrap(), "a graft is seen whole");
-        let scale = small(BriefCase::Scale);
+        assert_eq!(hat.edited, hat.truth.at(0.0).unwrap(), "a graft is entirely visible");
+        let scale = small(ShortLivedCase::Scale);
         let (before, truth) = (scale.source.at(0.5).unwrap(), scale.truth.at(0.5).unwrap());
         let moved = (0..before.len()).filter(|&row| before.means[row] != truth.means[row]).count();
         assert_eq!(moved, scale.touched.iter().filter(|t| **t).count(), "the lantern");

@@ -1,25 +1,25 @@
-//! [`harmonic`]: extends labels of supervised splats over the surface.
+//! [`extend_labels`]: extends labels of supervised splats over the surface.
 
-use super::surface::Surface;
+use super::surface::SurfaceGraph;
 use rayon::prelude::*;
 
-/// Rounds. A label spreads by one neighbour per round; hidden regions are a few tens of splats wide
-/// at most.
+/// Number of rounds. A label spreads by one neighbour per round; hidden regions are a few tens of
+/// splats wide at most.
 const ROUNDS: usize = 100;
 /// Weight of a node's own label, relative to that of all its neighbours.
-const HOLD: f32 = 10.0;
-/// Neighbours weaker than this belong to another surface.
+const OWN_WEIGHT: f32 = 10.0;
+/// Neighbours with a smaller weight belong to a different surface.
 const FAINT: f32 = 0.02;
 
 /// For every node of `surface`, two shares in 0 to 1: a mean of its own `label`, weighted by
 /// `known` (0 to 1), and of its neighbours' shares (the harmonic function with the known nodes as
 /// boundary); `None` for nodes that are not connected to a known one.
-pub(super) fn harmonic(
-    surface: &Surface,
+pub(super) fn extend_labels(
+    surface: &SurfaceGraph,
     label: &(impl Fn(usize) -> [f32; 2] + Sync),
     known: &(impl Fn(usize) -> f32 + Sync),
 ) -> Vec<Option<[f32; 2]>> {
-    // shares, and whether any label has arrived
+    // shares, and 1 if a label has reached the node, else 0
     let mut now: Vec<([f32; 2], f32)> = (0..surface.len())
         .map(|i| if known(i) > 0.0 { (label(i), 1.0) } else { ([0.0; 2], 0.0) })
         .collect();
@@ -37,7 +37,7 @@ pub(super) fn harmonic(
                     sums[0] += weight * now[j].0[0];
                     sums[1] += weight * now[j].0[1];
                 }
-                let own = HOLD * known(i) * all;
+                let own = OWN_WEIGHT * known(i) * all;
                 if total + own <= 0.0 {
                     return now[i];
                 }

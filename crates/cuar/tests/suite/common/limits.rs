@@ -4,7 +4,7 @@ use super::delivered::{Delivered, Judge};
 use super::flicker;
 use gs_core::DynamicScene;
 
-/// Largest loss of PSNR anywhere, dB.
+/// Largest loss of PSNR in any part, dB.
 const LOSS: f64 = 0.02;
 /// Required PSNR in other pixels after a repair, unless it was lower before, dB.
 const ELSEWHERE: f64 = 50.0;

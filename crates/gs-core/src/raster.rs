@@ -209,7 +209,7 @@ pub trait Rasterizer<F: Real = f32> {
     /// The default prepares the whole image.
     ///
     /// # Errors
-    /// As [`Rasterizer::prepare`], or if `tiles` belongs to an image of another size.
+    /// As [`Rasterizer::prepare`], or if `tiles` belongs to an image of a different size.
     fn prepare_tiles_into(
         &self,
         splats: &Splats<F>,

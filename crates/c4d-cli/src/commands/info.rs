@@ -229,7 +229,7 @@ fn camera_set(path: &Path) -> Outcome<Report> {
         report.add("data set", json!(set.path.display().to_string()));
     }
     report.add("views", json!(set.views.len()));
-    report.add("cameras", json!(set.stations().len()));
+    report.add("cameras", json!(set.distinct_cameras().len()));
     for (name, split) in [("train", Split::Train), ("test", Split::Test), ("val", Split::Val)] {
         let count = set.split(split).count();
         if count > 0 {

@@ -111,7 +111,7 @@ fn unedited_moves_bit_for_bit_like_the_source() {
 fn flags_are_checked() {
     let model = fixture("bases/fudan4dgs/shfs4d/model");
     let said = failure(&mut c4d(["info", path(&model)]), 3);
-    assert!(said.contains("Give --set time_duration=START,END"), "{said}");
+    assert!(said.contains("Pass --set time_duration=START,END"), "{said}");
     for wrong in ["time_duration=10", "time_duration=10,0", "time_duration=a,b", "grid_pe=2"] {
         let said = failure(&mut c4d(["info", path(&model), "--set", wrong]), 2);
         assert!(said.contains("time_duration=START,END"), "{wrong}: {said}");

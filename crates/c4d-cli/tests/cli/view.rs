@@ -245,7 +245,7 @@ fn the_page_shows_what_splats_are_selects_and_saves_cameras() {
         assert!(expression.starts_with(kind), "{expression}");
         let line = server.line();
         assert!(line.contains(&format!("--time 0 --select '{expression}' --stats")), "{line}");
-        assert_eq!(line.trim(), answer["line"].as_str().unwrap(), "the same on the page");
+        assert_eq!(line.trim(), answer["command"].as_str().unwrap(), "the same on the page");
         let arguments = ["--time", "0", "--select", expression, "--stats"];
         let (said, _) = success(c4d(["edit"]).arg(&run).args(arguments));
         let counted = said.lines().find_map(|line| {

@@ -193,7 +193,7 @@ fn every_flag_combination() {
 
 /// Negative control: the mistakes listed in the README exceed the tolerance by far.
 #[test]
-fn flags_matter() {
+fn wrong_flags_exceed_the_tolerances() {
     let dir = fixture("deform4dgs/dynerf_like");
     let golden = Golden::open(dir.join("expected.safetensors"));
     let times = golden.f32s("times");

@@ -95,14 +95,14 @@ impl Session<'_> {
         match self.cameras.add(&request.body) {
             Ok((name, file)) => {
                 let scene = self.scene(0).map(|(scene, _)| scene.path().clone());
-                let line = format!(
+                let command = format!(
                     "c4d render {} --cameras {} --views {name} -o {name}",
                     quoted(&scene.unwrap_or_default()),
                     quoted(&file)
                 );
-                self.console.result(&line);
-                let said = format!("Saved as {name} in {}", file.display());
-                Response::json(&json!({ "said": said, "line": line }))
+                self.console.result(&command);
+                let message = format!("Saved as {name} in {}", file.display());
+                Response::json(&json!({ "message": message, "command": command }))
             }
             Err(reason) => Response::refusal(400, reason),
         }
@@ -131,9 +131,9 @@ impl Session<'_> {
         let time =
             if scene.opened.kind.is_frame() { String::new() } else { format!(" --time {time}") };
         let path = quoted(scene.path_of(before));
-        let line = format!("c4d edit {path}{time} --select '{expression}' --stats");
-        self.console.result(&line);
-        Response::json(&json!({ "line": line }))
+        let command = format!("c4d edit {path}{time} --select '{expression}' --stats");
+        self.console.result(&command);
+        Response::json(&json!({ "command": command }))
     }
 }
 

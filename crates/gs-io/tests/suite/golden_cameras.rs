@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::fs;
 use test_support::fixture;
 
-const TOLERANCE: f64 = 5e-6;
+const TOLERANCE: f64 = 2e-6;
 
 fn expected(kind: &str) -> Value {
     let path = fixture("cameras").join(kind).join("expected_cameras.json");

@@ -152,7 +152,7 @@ fn resolve_activation(
         }
         (None, Some(other)) => {
             return Err(format!(
-                "was trained with activation {other:?} according to cfg_args, expected ReLU or None; no other activation can be evaluated"
+                "was trained with activation {other:?} according to cfg_args, expected ReLU or None"
             ));
         }
         (None, None) => {

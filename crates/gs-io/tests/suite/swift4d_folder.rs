@@ -298,7 +298,7 @@ fn absurd_flags_are_refused_without_allocating() {
         ("hashmap_size=6", "hashmap_size=64", "hashmap_size"),
         ("base_resolution=2", "base_resolution=0", "base_resolution"),
         ("base_resolution=2", "base_resolution=4294967295", "base_resolution"),
-        ("activation='None'", "activation='Sine'", "only ReLU and None"),
+        ("activation='None'", "activation='Sine'", "expected ReLU or None"),
         ("dynamic_thro=7.0", "dynamic_thro='x'", "dynamic_thro"),
         ("dynamic_thro=7.0", "dynamic_thro=nan", "dynamic_thro"),
     ] {

@@ -30,6 +30,7 @@ pub struct Encoded {
 
 /// Counts, errors and sizes of an encoded payload.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct EncodeReport {
     /// Number of frames.
     pub frames: usize,

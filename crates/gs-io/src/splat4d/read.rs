@@ -95,6 +95,7 @@ pub struct Splat4dScene {
 
 /// A `.splat4d` scene and its properties.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,

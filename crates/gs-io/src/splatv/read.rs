@@ -23,6 +23,7 @@ struct Part {
 
 /// A `.splatv` scene and its properties.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: PolynomialScene,

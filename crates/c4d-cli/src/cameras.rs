@@ -109,8 +109,10 @@ pub(crate) fn by_name(cameras: &[Camera], wanted: &[String], shown: &str) -> Out
             chosen.extend(name.parse().ok().and_then(|index: usize| cameras.get(index)).cloned());
         }
         if chosen.len() == before {
-            let mut names: Vec<String> =
-                cameras::stations(cameras.iter()).into_iter().map(|camera| camera.name).collect();
+            let mut names: Vec<String> = cameras::distinct_cameras(cameras.iter())
+                .into_iter()
+                .map(|camera| camera.name)
+                .collect();
             let more = names.len().saturating_sub(SHOWN);
             names.truncate(SHOWN);
             if more > 0 {

@@ -16,7 +16,7 @@ pub(crate) fn output_failure(error: &IoError) -> Failure {
     match error {
         IoError::Exists { path } => Failure::usage(format!("{} already exists", path.display()))
             .next("Choose a different name; -w replaces what c4d wrote."),
-        IoError::NotOurs { path, entry, .. } => Failure::usage(text).next(format!(
+        IoError::UnrecordedEntry { path, entry, .. } => Failure::usage(text).next(format!(
             "Move {} elsewhere, or choose a different name for the output.",
             path.join(entry).display()
         )),

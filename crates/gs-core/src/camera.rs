@@ -60,9 +60,9 @@ pub enum CameraError {
 const MAX_SIDE: u32 = 16_384;
 
 impl Camera {
-    /// Camera at `eye` looking at `target`, with `up` towards row 0, vertical field of view
-    /// `fov_y_rad`, square pixels, centred principal point and near plane [`NEAR_PLANE`]. World
-    /// units.
+    /// Camera at `eye` looking at `target` (world frame and units), with the world direction `up`
+    /// towards row 0, vertical field of view `fov_y_rad` in radians, an image of `width` × `height`
+    /// square pixels, centred principal point, near plane [`NEAR_PLANE`], no time and no name.
     pub fn look_at(
         eye: [f64; 3],
         target: [f64; 3],
@@ -94,7 +94,7 @@ impl Camera {
         }
     }
 
-    /// Camera centre, world units: translation of the inverse of `viewmat`. Solved rather than
+    /// Camera centre, world frame and units: translation of the inverse of `viewmat`. Solved rather than
     /// `−Rᵀt`, because rotations rounded to single precision are not exactly orthonormal.
     pub fn position(&self) -> [f64; 3] {
         let v = &self.viewmat;
@@ -107,7 +107,8 @@ impl Camera {
         (rotation.inverse() * -translation).into()
     }
 
-    /// `tan(fov/2)` per axis, `W/(2fx)` and `H/(2fy)`.
+    /// Tangents of half the horizontal and half the vertical field of view, `W/(2fx)` and `H/(2fy)`;
+    /// no unit.
     pub fn tan_half_fov(&self) -> [f64; 2] {
         [
             f64::from(self.width) / (2.0 * self.intrinsics.fx),
@@ -115,21 +116,22 @@ impl Camera {
         ]
     }
 
-    /// World point to camera frame.
+    /// A world point in the camera frame (x right, y down, z forward), world units.
     pub fn to_camera(&self, point: [f64; 3]) -> [f64; 3] {
         let row = |r: [f64; 4]| r[0] * point[0] + r[1] * point[1] + r[2] * point[2] + r[3];
         [row(self.viewmat[0]), row(self.viewmat[1]), row(self.viewmat[2])]
     }
 
-    /// World point to pixels (pixel centres at half-integers); `None` at or behind the camera
-    /// plane.
+    /// Column and row of a world point in the image, pixels (pixel centres at half-integers), also
+    /// outside the image; `None` if its camera depth is 0 or negative.
     pub fn project(&self, point: [f64; 3]) -> Option<[f64; 2]> {
         let [x, y, z] = self.to_camera(point);
         let k = &self.intrinsics;
         (z > 0.0).then(|| [k.fx * x / z + k.cx, k.fy * y / z + k.cy])
     }
 
-    /// The same view at another image size: intrinsics scale with the width and height.
+    /// The same view at a different image size in pixels: intrinsics scale with the width and
+    /// height.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Self {
         let (sx, sy) = (
@@ -145,21 +147,21 @@ impl Camera {
         }
     }
 
-    /// The same view with another near plane, world units.
+    /// The same view with a different near plane, world units.
     #[must_use]
     pub fn with_near(self, near: f64) -> Self {
         Self { near, ..self }
     }
 
-    /// Verifies size, focal lengths, near plane and pose.
+    /// Verifies size, focal lengths, principal point, near plane and pose.
     ///
     /// # Errors
-    /// If a value is out of range; the message names it.
+    /// [`CameraError::Invalid`] if a value is out of range; the message names it.
     pub fn check(&self) -> Result<(), CameraError> {
         let invalid = |what: String| Err(CameraError::Invalid { name: self.name.clone(), what });
         if self.width == 0 || self.height == 0 || self.width.max(self.height) > MAX_SIDE {
             return invalid(format!(
-                "image size {}×{}, expected 1 to {MAX_SIDE} pixels a side",
+                "image size {}×{}, expected 1 to {MAX_SIDE} pixels per side",
                 self.width, self.height
             ));
         }
@@ -171,21 +173,26 @@ impl Camera {
             ));
         }
         if !(k.cx.is_finite() && k.cy.is_finite()) {
-            return invalid(format!("principal point ({}, {}) is not finite", k.cx, k.cy));
+            return invalid(format!(
+                "principal point ({}, {}), expected finite pixels",
+                k.cx, k.cy
+            ));
         }
         if !(self.near > 0.0 && self.near.is_finite()) {
             return invalid(format!("near plane {}, expected a positive depth", self.near));
         }
         let v = &self.viewmat;
         if !v.iter().flatten().all(|entry| entry.is_finite()) {
-            return invalid("the pose is not finite".to_owned());
+            return invalid("the pose contains NaN or infinity, expected finite values".to_owned());
         }
         let rows = [v[0], v[1], v[2]].map(|r| DVec3::new(r[0], r[1], r[2]));
         let orthonormal = (0..3).all(|i| {
             (0..3).all(|j| (rows[i].dot(rows[j]) - f64::from(u8::from(i == j))).abs() < 1e-2)
         });
         if !orthonormal {
-            return invalid("the pose's 3×3 block is not a rotation".to_owned());
+            return invalid(
+                "the 3×3 block of the pose is not a rotation, expected orthonormal rows".to_owned(),
+            );
         }
         Ok(())
     }

@@ -31,7 +31,7 @@ mod tests {
     use crate::quat;
 
     #[test]
-    fn rotation_turns_the_long_axis() {
+    fn covariance_follows_the_rotation() {
         let half = std::f64::consts::FRAC_PI_4;
         let quarter_turn_about_z = [half.cos(), 0.0, 0.0, half.sin()];
         let sigma = covariance(quarter_turn_about_z, [3.0, 2.0, 1.0]);

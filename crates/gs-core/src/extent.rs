@@ -30,7 +30,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Extent of the finite splats of one frame. If there are
+    /// Extent of the finite splats of one frame (stored parameters, world frame). If there are
     /// none, the unit ball around the origin.
     pub fn of(splats: &Splats) -> Self {
         let points = weighted_points(splats);
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn an_extent_follows_scale_and_place() {
+    fn extents_follow_scale_and_translation() {
         let plain = Extent::of(&scene(1.0, 0.0, 0));
         assert!((0.8..1.8).contains(&plain.radius), "{plain:?}");
         assert!((plain.splat_size - 0.02).abs() < 1e-6, "{plain:?}");
@@ -158,7 +158,7 @@ mod tests {
             assert!(extent.near_plane() < 0.1, "{dome} splats far away: {extent:?}");
         }
         let (half, far) = (Extent::of(&scene(1.0, 0.0, 1000)), Extent::of(&scene(1.0, 0.0, 0)));
-        assert!(half.radius > 100.0 * far.radius, "the backdrop counts for the radius: {half:?}");
+        assert!(half.radius > 100.0 * far.radius, "the backdrop affects the radius: {half:?}");
     }
 
     #[test]

@@ -23,14 +23,14 @@ impl Fnv1a {
         }
     }
 
-    /// Hashes 64 bits in one round: faster than their bytes, with another result, and weaker (the
+    /// Hashes 64 bits in one round: faster than their bytes, with a different result, and weaker (the
     /// high bits do not reach the low ones).
     #[inline]
     pub const fn word(&mut self, word: u64) {
         self.0 = (self.0 ^ word).wrapping_mul(0x0100_0000_01B3);
     }
 
-    /// The hash of everything so far.
+    /// The hash of all input so far.
     #[inline]
     pub const fn finish(self) -> u64 {
         self.0
@@ -43,7 +43,7 @@ mod tests {
 
     /// Values of the authors' test suite.
     #[test]
-    fn hashes_are_those_of_the_authors() {
+    fn hashes_equal_published_values() {
         let hash = |text: &str| {
             let mut hash = Fnv1a::default();
             hash.bytes(text.bytes());

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_find_their_entry() {
+    fn rows_map_to_entries() {
         let entry = |opacity| RowPrecision { opacity, ..RowPrecision::EXACT };
         let chunks = Precision::by_chunk(vec![entry(1.0), entry(2.0)], 256);
         assert_eq!((chunks.of(255).opacity, chunks.of(256).opacity), (1.0, 2.0), "by chunk");

@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn zero_stays_zero() {
+    fn a_zero_quaternion_remains_zero() {
         assert_eq!(normalize([0.0_f32; 4]), [0.0; 4], "no NaN");
     }
 }

@@ -57,7 +57,7 @@ mod tests {
 
     /// Values of the reference implementation (<https://prng.di.unimi.it/splitmix64.c>).
     #[test]
-    fn the_sequence_is_that_of_the_reference() {
+    fn the_sequence_equals_the_reference() {
         let mut random = SplitMix64::new(1_234_567);
         let first = [0; 3].map(|_| random.next_u64());
         let reference =

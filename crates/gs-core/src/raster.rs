@@ -94,13 +94,13 @@ impl<F: Real> RenderOutput<F> {
 /// `∂L/∂output`, planes as in [`RenderOutput`]. An empty plane means zero.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct UpstreamGrads<F = f32> {
-    /// `[H,W,3]`.
+    /// With respect to colour, `[H,W,3]`.
     pub v_rgb: Vec<F>,
-    /// `[H,W]`.
+    /// With respect to alpha, `[H,W]`.
     pub v_alpha: Vec<F>,
-    /// `[H,W]`.
+    /// With respect to depth, per world unit, `[H,W]`.
     pub v_depth: Vec<F>,
-    /// `[H,W,F]`.
+    /// With respect to the caller's channels, `[H,W,F]`.
     pub v_features: Vec<F>,
 }
 
@@ -111,17 +111,17 @@ pub struct UpstreamGrads<F = f32> {
 /// empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RenderGrads<F = f32> {
-    /// `[N,3]`.
+    /// With respect to the centre, world frame, per world unit, `[N,3]`.
     pub v_means: Vec<[F; 3]>,
-    /// `[N,4]`, with respect to the raw quaternion `wxyz`.
+    /// With respect to the raw quaternion `wxyz`, `[N,4]`.
     pub v_quats: Vec<[F; 4]>,
-    /// `[N,3]`.
+    /// With respect to the logarithms of the standard deviations, `[N,3]`.
     pub v_log_scales: Vec<[F; 3]>,
-    /// `[N]`.
+    /// With respect to the opacity logit, `[N]`.
     pub v_opacity_logits: Vec<F>,
-    /// `[N,K,3]`.
+    /// With respect to the SH coefficients, `[N,K,3]`.
     pub v_sh: Vec<[F; 3]>,
-    /// `[N,F]`, flat.
+    /// With respect to the caller's features, `[N,F]`, flat.
     pub v_features: Vec<F>,
     /// With respect to the projected centre, per pixel, `[N,2]`. The densification statistic of
     /// 3DGS is the norm of this times `(W/2, H/2)`.
@@ -209,7 +209,7 @@ pub trait Rasterizer<F: Real = f32> {
     /// The default prepares the whole image.
     ///
     /// # Errors
-    /// As [`Rasterizer::prepare`], or if `tiles` belongs to an image of another size.
+    /// As [`Rasterizer::prepare`], or if `tiles` belongs to an image of a different size.
     fn prepare_tiles_into(
         &self,
         splats: &Splats<F>,

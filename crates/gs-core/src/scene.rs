@@ -70,7 +70,7 @@ pub enum SceneError {
 
 /// A set of splats in motion. Rows persist: row `i` is the same Gaussian at every time.
 ///
-/// Everything downstream (rendering, refinement, export, further edits) uses only this trait.
+/// All code downstream (rendering, refinement, export, further edits) uses only this trait.
 pub trait DynamicScene: Debug + Send + Sync {
     /// `N`, the same at every time.
     fn num_splats(&self) -> usize;

@@ -37,10 +37,10 @@ impl ShRotation {
         Self::of_inverse(|direction| quat::rotate(inverse, direction))
     }
 
-    /// The map of the orthogonal matrix `turn`, row-major; a determinant of −1 is a reflection.
-    pub fn orthogonal(turn: [[f64; 3]; 3]) -> Self {
+    /// The map of the orthogonal matrix `matrix`, row-major; a determinant of −1 is a reflection.
+    pub fn orthogonal(matrix: [[f64; 3]; 3]) -> Self {
         // The inverse of an orthogonal matrix is its transpose.
-        Self::of_inverse(|d| [0, 1, 2].map(|i| (0..3).map(|j| turn[j][i] * d[j]).sum()))
+        Self::of_inverse(|d| [0, 1, 2].map(|i| (0..3).map(|j| matrix[j][i] * d[j]).sum()))
     }
 
     /// The map whose inverse on directions is `inverse`.
@@ -92,11 +92,11 @@ mod tests {
     #[test]
     fn colours_rotate_with_the_scene() {
         let rotation = quat::normalize([0.3, -0.8, 0.4, 0.2]);
-        let turn = ShRotation::new(rotation.map(|value| 3.0 * value));
+        let map = ShRotation::new(rotation.map(|value| 3.0 * value));
         let before: Vec<[f64; 3]> =
             (0..16).map(|k| [f64::from(k) - 7.0, 0.1 * f64::from(k), 1.0]).collect();
         let mut after = before.clone();
-        turn.apply(&mut after);
+        map.apply(&mut after);
         assert_eq!(after[0], before[0], "degree 0");
         for direction in [[0.48, -0.6, 0.64], [0.0, 0.0, 1.0], [-0.6, 0.8, 0.0]] {
             let (here, there) = (basis(3, direction), basis(3, quat::rotate(rotation, direction)));
@@ -123,17 +123,17 @@ mod tests {
         let colour = |sh: &[[f32; 3]], d: [f64; 3]| -> f64 {
             sh.iter().zip(basis(3, d)).map(|(rgb, y)| f64::from(rgb[0]) * y).sum()
         };
-        let turn = crate::rotation_matrix(quat::normalize([0.3, -0.5, 0.2, 0.9_f64]));
+        let rotation = crate::rotation_matrix(quat::normalize([0.3, -0.5, 0.2, 0.9_f64]));
         let mirror = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
-        for q in [turn, mirror] {
+        for q in [rotation, mirror] {
             let image = |d: [f64; 3]| q.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
-            let mut turned = coefficients.clone();
-            ShRotation::orthogonal(q).apply(&mut turned);
+            let mut rotated = coefficients.clone();
+            ShRotation::orthogonal(q).apply(&mut rotated);
             for d in [[0.6, 0.0, 0.8], [0.0, -1.0, 0.0], [0.48, 0.6, 0.64]] {
-                let (before, after) = (colour(&coefficients, d), colour(&turned, image(d)));
+                let (before, after) = (colour(&coefficients, d), colour(&rotated, image(d)));
                 assert!((before - after).abs() < 1e-5, "{d:?}: {before} became {after}");
             }
-            // Negative control: unturned coefficients show something else.
+            // Negative control: coefficients that are not rotated give different colours.
             let d = [0.48, 0.6, 0.64];
             let change = colour(&coefficients, image(d)) - colour(&coefficients, d);
             assert!(change.abs() > 1e-2, "the test can fail: {change}");

@@ -186,7 +186,7 @@ impl<F: Real> Splats<F> {
             && self.quats[i].iter().any(|&q| q != F::zero())
     }
 
-    /// The same values converted to another float type.
+    /// The same values converted to a different float type.
     pub fn cast<G: Real>(&self) -> Splats<G> {
         let cast = |value: F| G::from_double(value.as_f64());
         Splats {

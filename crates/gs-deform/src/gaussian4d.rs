@@ -1,7 +1,7 @@
 //! [`Gaussian4dScene`]: Gaussians in space and time, as in 4D
 //! Gaussian Splatting (Yang et al. 2024).
 
-use crate::polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
+use crate::polynomial::{FadeLimits, Polynomial, PolynomialError, PolynomialScene};
 use crate::shape;
 use gs_core::{DynamicScene, SceneError, Splats, SplatsError, TimeRange, quat};
 use rayon::prelude::*;
@@ -145,7 +145,7 @@ impl Gaussian4dScene {
             });
         }
         let cut = PolynomialScene::new(splats, motions)?
-            .with_visibility(Visibility { floor: 0.0, cutoff: MIN_MARGINAL })
+            .with_fade_limits(FadeLimits { floor: 0.0, cutoff: MIN_MARGINAL })
             .with_clock(start, end);
         Ok(Self { cut, waves, length: end - start })
     }

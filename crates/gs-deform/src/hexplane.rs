@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn taps_clamp_and_never_leave_the_axis() {
+    fn taps_are_clamped_to_the_axis() {
         for u in [-9.0, -1.0, -0.99, 0.0, 0.5, 1.0, 9.0, f32::NAN, f32::INFINITY] {
             for resolution in [1, 2, 5] {
                 let tap = Tap::new(u, resolution);

@@ -56,7 +56,7 @@ pub use linear::Linear;
 pub use mask::{EmptyVoxel, Mask};
 pub use network::{Component, Heads, HexPlaneField, HexPlaneNetwork};
 pub use node_graph::{NodeGraph, NodeGraphScene};
-pub use polynomial::{Polynomial, PolynomialError, PolynomialScene, Visibility};
+pub use polynomial::{FadeLimits, Polynomial, PolynomialError, PolynomialScene};
 pub use scene::{DEFAULT_CACHE_LIMIT, HexPlaneScene};
 pub use shape::RasterizedShapes;
 pub use smooth_grid::{

@@ -62,8 +62,12 @@ impl NodeGraphScene {
         let count = graph.log_radii.len();
         if dims < 3 || graph.nodes.len() != count * dims || count < graph.neighbors.max(1) {
             let found = vec![graph.nodes.len().checked_div(dims).unwrap_or(0), dims];
-            let least = graph.neighbors.max(1);
-            return wrong("nodes", found, format!("[{count}, 3 or more], at least {least} nodes"));
+            let minimum = graph.neighbors.max(1);
+            return wrong(
+                "nodes",
+                found,
+                format!("[{count}, 3 or more], at least {minimum} nodes"),
+            );
         }
         if graph.weight_logits.len() != count {
             return wrong("_node_weight", vec![graph.weight_logits.len()], format!("[{count}]"));
@@ -131,8 +135,8 @@ impl NodeGraphScene {
                     // The splat rotates about the node and translates with it.
                     let centre = self.positions[node];
                     let arm = [0, 1, 2].map(|k| x[k] - centre[k]);
-                    let turned = quat::rotate(frame, arm);
-                    [0, 1, 2].map(|k| turned[k] - arm[k] + warp[k])
+                    let rotated = quat::rotate(frame, arm);
+                    [0, 1, 2].map(|k| rotated[k] - arm[k] + warp[k])
                 }
             };
             for k in 0..3 {

@@ -44,7 +44,7 @@ const OPACITY_MARGIN: f32 = 1e-6;
 
 /// Limits of fading, the same for all splats of a scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Visibility {
+pub struct FadeLimits {
     /// Lower bound of the opacity; 0 for none.
     pub floor: f32,
     /// A splat is not drawn where its fading factor
@@ -58,7 +58,7 @@ pub struct Visibility {
 pub struct PolynomialScene {
     rest: Splats,
     motions: Vec<Polynomial>,
-    visibility: Visibility,
+    limits: FadeLimits,
     /// Start and end time of each splat, the end excluded; empty if all exist at all times.
     windows: Vec<[f32; 2]>,
     clock: [f64; 2],
@@ -78,7 +78,7 @@ impl PolynomialScene {
         Ok(Self {
             rest,
             motions,
-            visibility: Visibility::default(),
+            limits: FadeLimits::default(),
             windows: Vec::new(),
             clock: [0.0, 1.0],
             num_frames: None,
@@ -87,8 +87,8 @@ impl PolynomialScene {
 
     /// The scene with these limits of fading.
     #[must_use]
-    pub fn with_visibility(self, visibility: Visibility) -> Self {
-        Self { visibility, ..self }
+    pub fn with_fade_limits(self, limits: FadeLimits) -> Self {
+        Self { limits, ..self }
     }
 
     /// The scene whose splats exist in half-open time windows `[start, end)`,
@@ -109,7 +109,7 @@ impl PolynomialScene {
         self.windows.get(row).is_none_or(within)
     }
 
-    /// The scene with motions in another clock, where the scene's times 0 to 1 are `start` to
+    /// The scene with motions in a different clock, where the scene's times 0 to 1 are `start` to
     /// `end`. Stored times are used unconverted, which avoids a second rounding.
     #[must_use]
     pub fn with_clock(self, start: f64, end: f64) -> Self {
@@ -167,11 +167,11 @@ impl Polynomial {
         quat::normalize([0, 1, 2, 3].map(|k| rest[k] + self.omega[k] * dt))
     }
 
-    fn logit(&self, rest: f32, t: f64, visibility: Visibility) -> f32 {
+    fn logit(&self, rest: f32, t: f64, limits: FadeLimits) -> f32 {
         let fade = (-(self.since(t) / self.width).powi(2)).exp();
-        let drawn = visibility.cutoff == 0.0 || fade > visibility.cutoff;
+        let drawn = limits.cutoff == 0.0 || fade > limits.cutoff;
         let opacity = if drawn { activation::sigmoid(rest) * fade } else { 0.0 };
-        let opacity = opacity.max(visibility.floor);
+        let opacity = opacity.max(limits.floor);
         activation::logit(opacity.clamp(OPACITY_MARGIN, 1.0 - OPACITY_MARGIN))
     }
 }
@@ -195,12 +195,12 @@ impl DynamicScene for PolynomialScene {
 
     fn at_into(&self, t: f32, out: &mut Splats) -> Result<(), SceneError> {
         self.geometry_into(t, out)?;
-        let (t, visibility) = (self.clock_time(t), self.visibility);
+        let (t, limits) = (self.clock_time(t), self.limits);
         let logits = self.motions.par_iter().zip(&self.rest.opacity_logits).enumerate();
         logits
             .map(|(row, (motion, &rest))| {
                 let rest = if self.exists(row, t) { rest } else { f32::NEG_INFINITY };
-                motion.logit(rest, t, visibility)
+                motion.logit(rest, t, limits)
             })
             .collect_into_vec(&mut out.opacity_logits);
         out.sh.clone_from(&self.rest.sh);
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn infinite_width_never_fades_and_opacity_stays_finite() {
+    fn splats_of_infinite_width_do_not_fade_and_opacity_is_finite() {
         for t in [0.0, 0.5, 1.0] {
             let splats = one(f32::INFINITY).at(t).unwrap();
             assert!((splats.opacity(0) - 0.5).abs() < 1e-6, "always there");
@@ -263,13 +263,13 @@ mod tests {
     }
 
     #[test]
-    fn floor_cutoff_and_clock() {
-        let faded = |visibility| one(0.25).with_visibility(visibility).at(1.0).unwrap().opacity(0);
+    fn floor_cutoff_and_clock_are_applied() {
+        let faded = |limits| one(0.25).with_fade_limits(limits).at(1.0).unwrap().opacity(0);
         let exact = 0.5 * (-4.0_f32).exp();
-        assert!((faded(Visibility::default()) - exact).abs() < 1e-6, "neither");
-        assert!((faded(Visibility { floor: 0.1, cutoff: 0.0 }) - 0.1).abs() < 1e-6, "floor");
-        assert!(faded(Visibility { floor: 0.0, cutoff: 0.05 }) < 1e-5, "cut off");
-        assert!((faded(Visibility { floor: 0.0, cutoff: 0.01 }) - exact).abs() < 1e-6, "above");
+        assert!((faded(FadeLimits::default()) - exact).abs() < 1e-6, "neither");
+        assert!((faded(FadeLimits { floor: 0.1, cutoff: 0.0 }) - 0.1).abs() < 1e-6, "floor");
+        assert!(faded(FadeLimits { floor: 0.0, cutoff: 0.05 }) < 1e-5, "cut off");
+        assert!((faded(FadeLimits { floor: 0.0, cutoff: 0.01 }) - exact).abs() < 1e-6, "above");
         let clock = one(0.5).with_clock(-0.5, 1.5).with_frames(7);
         assert_eq!(clock.at(0.5).unwrap(), one(0.5).at(0.5).unwrap(), "the middle");
         assert_eq!(clock.at(0.75).unwrap(), one(0.5).at(1.0).unwrap(), "its window ends earlier");

@@ -39,7 +39,7 @@ impl RasterizedShapes {
     }
 }
 
-/// `ln |scale|`; [`FLAT_LOG_SCALE`] for 0. NaN stays NaN.
+/// `ln |scale|`; [`FLAT_LOG_SCALE`] for 0. NaN remains NaN.
 pub(crate) fn log_scale(scale: f32) -> f32 {
     let log = scale.abs().ln();
     if log < FLAT_LOG_SCALE { FLAT_LOG_SCALE } else { log }
@@ -51,7 +51,7 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
 pub(crate) fn from_unnormalized(q: [f32; 4], scale: [f32; 3]) -> ([f32; 4], [f32; 3]) {
     let wide = q.map(f64::from);
     let norm_squared = quat::dot(wide, wide);
-    // NaN stays NaN, so that callers can detect the invalid row.
+    // NaN remains NaN, so that callers can detect the invalid row.
     if !norm_squared.is_finite() || (norm_squared - 1.0).abs() <= UNIT {
         return (quat::normalize(q), scale.map(log_scale));
     }
@@ -124,13 +124,13 @@ fn rotate_pair(a: &mut [[f64; 3]; 3], q: [f64; 4], i: usize, j: usize) -> [f64; 
     a[j][k] = sine * at_i + cosine * at_j;
     a[k][i] = a[i][k];
     a[k][j] = a[j][k];
-    // Columns i and j of the basis become c·eᵢ − s·eⱼ and s·eᵢ + c·eⱼ: a turn by −atan(t) in the
+    // Columns i and j of the basis become c·eᵢ − s·eⱼ and s·eᵢ + c·eⱼ: a rotation by −atan(t) in the
     // plane from i to j.
     let half = 0.5 * -tangent.atan();
-    let mut turn = [half.cos(), 0.0, 0.0, 0.0];
-    // Turns from x to y and from y to z are about +z and +x; from x to z about −y.
-    turn[1 + k] = if k == 1 { -half.sin() } else { half.sin() };
-    quat::mul(q, turn)
+    let mut rotation = [half.cos(), 0.0, 0.0, 0.0];
+    // Rotations from x to y and from y to z are about +z and +x; from x to z about −y.
+    rotation[1 + k] = if k == 1 { -half.sin() } else { half.sin() };
+    quat::mul(q, rotation)
 }
 
 #[cfg(test)]
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_stay_close_to_the_previous_ones() {
+    fn axes_are_close_to_the_previous_ones() {
         let scale = [0.3, 0.1, 0.2];
         let mut last = from_unnormalized([0.9, 0.3, -0.2, 0.3], scale).0;
         for step in 1_u8..50 {
@@ -182,12 +182,12 @@ mod tests {
     }
 
     #[test]
-    fn flat_axes_stay_finite_and_nan_stays_nan() {
+    fn flat_axes_are_finite_and_nan_remains_nan() {
         assert_eq!(log_scale(0.0), FLAT_LOG_SCALE, "no extent");
         assert!(log_scale(f32::NAN).is_nan(), "NaN stays");
         let (q, log_scales) = principal_axes([[0.0; 3]; 3], [1.0, 0.0, 0.0, 0.0]);
         assert_eq!((q, log_scales), ([1.0, 0.0, 0.0, 0.0], [FLAT_LOG_SCALE; 3]), "a point");
         let (q, _) = from_unnormalized([f32::NAN, 0.0, 0.0, 0.0], [1.0; 3]);
-        assert!(q[0].is_nan(), "NaN stays NaN");
+        assert!(q[0].is_nan(), "NaN remains NaN");
     }
 }

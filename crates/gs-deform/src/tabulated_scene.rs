@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn exact_at_frames_and_linear_between() {
         let half = std::f32::consts::FRAC_1_SQRT_2;
-        // The second quaternion has another length and sign;
+        // The second quaternion has a different length and sign;
         // interpolation must use the same hemisphere.
         let frames = vec![
             frame(0.0, [2.0, 0.0, 0.0, 0.0]),

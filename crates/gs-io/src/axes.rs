@@ -130,10 +130,10 @@ fn determinant(m: &[[i8; 3]; 3]) -> i8 {
 /// Rotates all splats about the origin by the unit quaternion `wxyz`.
 pub(crate) fn rotate(splats: &mut Splats, rotation: [f32; 4]) {
     let coeffs = splats.sh_coeffs();
-    let turn = ShRotation::new(rotation.map(f64::from));
+    let harmonics = ShRotation::new(rotation.map(f64::from));
     splats.means.par_iter_mut().for_each(|mean| *mean = quat::rotate(rotation, *mean));
     splats.quats.par_iter_mut().for_each(|q| *q = quat::mul(rotation, *q));
-    splats.sh.par_chunks_exact_mut(coeffs).for_each(|sh| turn.apply(sh));
+    splats.sh.par_chunks_exact_mut(coeffs).for_each(|sh| harmonics.apply(sh));
 }
 
 /// Whether each SH basis function is odd in x, y and z.
@@ -199,7 +199,7 @@ mod tests {
     }
 
     /// A vector with coordinates in axes `from`, converted to axes `to` by their letters.
-    fn turned(v: [f32; 3], from: Axes, to: Axes) -> [f32; 3] {
+    fn converted(v: [f32; 3], from: Axes, to: Axes) -> [f32; 3] {
         let (from, to) = (from.columns(), to.columns());
         let world: [f32; 3] =
             std::array::from_fn(|k| (0..3).map(|axis| f32::from(from[axis][k]) * v[axis]).sum());
@@ -209,14 +209,18 @@ mod tests {
     #[test]
     fn every_conversion_of_axes_keeps_shapes_and_colours() {
         assert_eq!(Axes::RUB.to_string(), "RUB (x right, y up, z back)", "words");
-        assert_eq!(turned([1.0, 2.0, 3.0], Axes::RUB, Axes::PLY), [1.0, -2.0, -3.0], "half turn");
+        assert_eq!(
+            converted([1.0, 2.0, 3.0], Axes::RUB, Axes::PLY),
+            [1.0, -2.0, -3.0],
+            "rotation by 180°"
+        );
         for code in 1..=16 {
             let from = Axes::from_code(code).unwrap();
             let (before, mut after) = (splats(), splats());
             convert(&mut after, from, Axes::PLY);
             let name = from.name();
             let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
-            let mean = turned(before.means[0], from, Axes::PLY);
+            let mean = converted(before.means[0], from, Axes::PLY);
             assert!((0..3).all(|k| near(mean[k], after.means[0][k])), "{name}: centre");
             // Covariance along converted directions.
             let sigma = |splats: &Splats| covariance(splats.rotation(0), splats.scale(0));
@@ -227,7 +231,7 @@ mod tests {
                     + 2.0 * (s[1] * x * y + s[2] * x * z + s[4] * y * z)
             };
             for direction in [[0.48, -0.6, 0.64], [0.0, 1.0, 0.0], [0.6, 0.0, -0.8]] {
-                let there = turned(direction, from, Axes::PLY);
+                let there = converted(direction, from, Axes::PLY);
                 let (a, b) = (along(sigma(&before), direction), along(sigma(&after), there));
                 assert!(near(a, b), "{name}: {a} {b}");
                 let color = |splats: &Splats, d: [f32; 3]| -> f32 {

@@ -87,9 +87,9 @@ impl ValidRows {
         Self(vec![true; num_splats])
     }
 
-    pub(crate) fn see(&mut self, splats: &Splats) {
-        self.0.par_iter_mut().enumerate().for_each(|(row, sound)| {
-            *sound = *sound && splats.is_finite(row);
+    pub(crate) fn add(&mut self, splats: &Splats) {
+        self.0.par_iter_mut().enumerate().for_each(|(row, valid)| {
+            *valid = *valid && splats.is_finite(row);
         });
     }
 

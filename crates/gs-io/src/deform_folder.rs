@@ -31,7 +31,7 @@ pub(crate) enum Method {
     Dash,
 }
 
-/// Names in the network's file that identify the methods; the first one found decides.
+/// Names in the network's file that identify the methods; the first one found is used.
 const MARKS: [(&str, Method); 5] = [
     ("xyzt_encoding", Method::Dash),
     ("d4_mlp", Method::Dash),
@@ -40,7 +40,7 @@ const MARKS: [(&str, Method); 5] = [
     ("_node_radius", Method::Scgs),
 ];
 
-/// The method that trained a folder or the iteration in it; `None` if it has another layout.
+/// The method that trained a folder or the iteration in it; `None` if it has a different layout.
 pub(crate) fn method_of(dir: &Path) -> Option<Method> {
     let iteration = model_folder::find(dir, None).ok();
     let model = iteration.as_ref().map_or(dir, |iteration| &iteration.model);
@@ -52,7 +52,7 @@ pub(crate) fn method_of(dir: &Path) -> Option<Method> {
         let found = MARKS.iter().find(|(mark, _)| has(mark)).map(|(_, method)| *method);
         return Some(found.unwrap_or(Method::Deformable3dgs));
     }
-    // Without the network, its folder or the training settings decide.
+    // Without the network, its folder or the training settings identify the method.
     let ply = iteration.as_ref()?.dir.join("point_cloud.ply");
     let cfg = read_cfg(model).ok().flatten().map(|(cfg, _)| cfg);
     let set = |name: &str| cfg.as_ref().is_some_and(|cfg| cfg.get(name).is_some());
@@ -92,9 +92,9 @@ fn network_of(model: &Path, wanted: Option<u64>) -> Result<(u64, PathBuf), IoErr
         .filter(|(_, path)| path.is_file())
         .collect();
     found.sort();
-    let asked = found.iter().position(|(number, _)| Some(*number) == wanted);
+    let requested = found.iter().position(|(number, _)| Some(*number) == wanted);
     let newest = found.len().checked_sub(1).ok_or_else(missing)?;
-    Ok(found.swap_remove(asked.unwrap_or(newest)))
+    Ok(found.swap_remove(requested.unwrap_or(newest)))
 }
 
 /// `cfg_args` of a folder and its path, if there is one.
@@ -125,7 +125,7 @@ pub(crate) struct DeformFolder {
 }
 
 impl DeformFolder {
-    /// Reads everything except the network. `columns` selects further
+    /// Reads all parts except the network. `columns` selects further
     /// columns of the PLY from its extra ones.
     pub(crate) fn read(
         dir: &Path,

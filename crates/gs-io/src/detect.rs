@@ -3,7 +3,7 @@
 use crate::archive::Archive;
 use crate::cameras;
 use crate::content::{
-    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, UnsupportedFormat, container, marks,
+    Container, MANIFEST, MANIFEST_ENDING, NUMPY_ARCHIVE, UnsupportedFormat, container, magic,
     shown, torch_archive,
 };
 use crate::deform_folder::{self, Method};
@@ -117,13 +117,13 @@ fn detect_file(path: &Path) -> Result<SceneKind, IoError> {
     let mut start = Vec::new();
     std::io::Read::read_to_end(&mut std::io::Read::take(file, START), &mut start)
         .map_err(failed)?;
-    if start.starts_with(&marks::SPLATV) {
+    if start.starts_with(&magic::SPLATV) {
         return Ok(SceneKind::Splatv);
     }
-    if start.starts_with(&marks::FOURDGS) {
+    if start.starts_with(&magic::FOURDGS) {
         return Ok(SceneKind::Fourdgs);
     }
-    if start.starts_with(&marks::SPLAT4D) {
+    if start.starts_with(&magic::SPLAT4D) {
         return Ok(SceneKind::Splat4d);
     }
     let container = container(&start);

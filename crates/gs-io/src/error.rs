@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {
-    /// The operating system refused to read.
+    /// The operating system returned an error on reading.
     #[error("cannot read {}: {source}", path.display())]
     Read {
         /// Path of the file.
@@ -18,7 +18,7 @@ pub enum IoError {
         /// Cause of the error.
         source: std::io::Error,
     },
-    /// The operating system refused to write.
+    /// The operating system returned an error on writing.
     #[error("cannot write {}: {source}", path.display())]
     Write {
         /// Path of the file.
@@ -27,7 +27,7 @@ pub enum IoError {
         source: std::io::Error,
     },
     /// The output exists and may not be replaced.
-    #[error("{} already exists; choose another name or ask to overwrite it", path.display())]
+    #[error("{} already exists; choose a different name or allow overwriting", path.display())]
     Exists {
         /// Path of the file or folder.
         path: PathBuf,
@@ -35,7 +35,7 @@ pub enum IoError {
     /// The folder to replace contains something that this program
     /// did not write, or that was changed since.
     #[error("{} is not replaced: this program wrote it, but `{entry}` in it {what}", path.display())]
-    NotOurs {
+    UnrecordedEntry {
         /// Path of the folder.
         path: PathBuf,
         /// First such entry, relative to it.
@@ -67,7 +67,7 @@ pub enum IoError {
         /// The stand-in found, with the next step.
         found: UnsupportedFormat,
     },
-    /// The bytes of a file are damaged or of another kind.
+    /// The bytes of a file are damaged or of a different kind.
     #[error("{}: {source}", path.display())]
     Format {
         /// Path of the file.
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!(error.to_string(), "a.ply: outer: inner", "path first");
         assert!(error.cause::<Outer>().is_some(), "the error of the format");
         assert!(error.cause::<io::Error>().is_some(), "its cause");
-        assert!(error.cause::<std::fmt::Error>().is_none(), "another type");
+        assert!(error.cause::<std::fmt::Error>().is_none(), "a different type");
         assert!(IoError::content(Path::new("a"), "is empty").cause::<Outer>().is_none(), "none");
     }
 }

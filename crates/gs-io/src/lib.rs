@@ -6,7 +6,7 @@
 //! ([`open_scene()`]), reading and writing of `.splatv` ([`splatv`]) and `.splat4d` ([`splat4d`]),
 //! reading and writing of `.4dgs` ([`fourdgs_file`]), reading of `.tsog` ([`tsog`]), writing of
 //! OpenUSD ([`usda`]), cameras and times of data sets ([`cameras`], [`cameras_json`]). Writers
-//! report their losses ([`Losses`]); [`detect()`] detects the kind of a path. Readers accept
+//! report their losses ([`FormatLosses`]); [`detect()`] detects the kind of a path. Readers accept
 //! arbitrary bytes: malformed input is an error with the file, what was found and the next step;
 //! memory is bounded by a small multiple of the input size; nothing in a file is executed.
 //! [`repair`] defines, for all readers, which values are damage and how infinities are interpreted.
@@ -33,7 +33,7 @@ mod detect;
 pub mod dynamic3dgs;
 pub mod ed3dgs;
 mod error;
-mod fade;
+mod format_losses;
 pub mod fourdgs_file;
 pub mod frame;
 mod frame_cache;
@@ -43,8 +43,8 @@ pub mod gaussian4d;
 pub mod gltf;
 pub mod grid4d;
 pub mod gsplat;
-mod losses;
 pub mod model_folder;
+mod opacity_fit;
 mod open_options;
 mod open_scene;
 mod opened_scene;
@@ -73,11 +73,11 @@ pub use content::UnsupportedFormat;
 pub use deformed_model::DeformedModel;
 pub use detect::detect;
 pub use error::IoError;
+pub use format_losses::FormatLosses;
 pub use fs::{
     AtomicDir, AtomicFile, Existing, FolderUpdate, final_path, open_file, read_file,
     remove_unfinished,
 };
-pub use losses::Losses;
 pub use open_options::OpenOptions;
 pub use open_scene::{open_scene, open_scene_as};
 pub use opened_scene::OpenedScene;

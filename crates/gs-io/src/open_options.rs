@@ -27,7 +27,7 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    /// The same options with another treatment of damaged rows.
+    /// The same options with a different treatment of damaged rows.
     #[must_use]
     pub fn with_damage(mut self, damage: Damage) -> Self {
         self.damage = damage;

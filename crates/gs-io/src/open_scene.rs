@@ -31,7 +31,7 @@ const ALWAYS_VISIBLE: f32 = 10.0;
 /// or a single frame of any format (as a static scene).
 ///
 /// # Errors
-/// If the path is of another kind, or its reader fails.
+/// If the path is of a different kind, or its reader fails.
 pub fn open_scene(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     open_scene_as(path, &detect(path)?, options)
 }

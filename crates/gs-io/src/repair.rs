@@ -97,13 +97,13 @@ impl Infinities {
             (self.transparent, "opacities of exactly 0"),
             (self.flat, "splats with an axis without extent"),
         ];
-        let said: Vec<String> = parts
+        let counts: Vec<String> = parts
             .into_iter()
             .filter(|(count, _)| *count > 0)
             .map(|(count, what)| format!("{count} {what}"))
             .collect();
-        (!said.is_empty()).then(|| {
-            format!("{} (stored as infinities) were replaced by finite values", said.join(", "))
+        (!counts.is_empty()).then(|| {
+            format!("{} (stored as infinities) were replaced by finite values", counts.join(", "))
         })
     }
 
@@ -161,7 +161,7 @@ pub struct DamagedRows {
 
 /// Counts rows that are not usable, or `broken` for another
 /// reason; [`replace_infinities`] must run first.
-pub(crate) fn survey(
+pub(crate) fn count_damage(
     splats: &Splats,
     broken: impl Fn(usize) -> bool,
 ) -> (RepairReport, Vec<usize>) {
@@ -203,7 +203,7 @@ pub(crate) fn sanitize_with(
     broken: impl Fn(usize) -> bool,
 ) -> Result<Sanitized, DamagedRows> {
     let infinities = replace_infinities(&mut splats);
-    let (mut report, damaged) = survey(&splats, broken);
+    let (mut report, damaged) = count_damage(&splats, broken);
     report.infinities = infinities;
     let Some(&first) = damaged.first() else {
         return Ok(Sanitized { splats, kept: None, report });
@@ -275,10 +275,10 @@ mod tests {
             assert_eq!(out.splats.opacity_logits, [16.0, -16.0, 0.5], "{damage:?}: opacities");
             assert_eq!(out.splats.log_scales[2], [0.0, -20.0, 0.0], "{damage:?}: only that axis");
         }
-        let said = sanitize(splats, Damage::Drop).unwrap().report.infinities.note().unwrap();
+        let note = sanitize(splats, Damage::Drop).unwrap().report.infinities.note().unwrap();
         assert!(
-            said.contains("1 opacities of exactly 1") && said.contains("without extent"),
-            "{said}"
+            note.contains("1 opacities of exactly 1") && note.contains("without extent"),
+            "{note}"
         );
         assert_eq!(sanitize(three(), Damage::Drop).unwrap().report.infinities.note(), None, "none");
     }
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn finite_values_stay_finite_downstream() {
+    fn replaced_values_are_finite_after_activation() {
         use gs_core::activation::{logit, sigmoid};
         for value in [OPAQUE_LOGIT, TRANSPARENT_LOGIT] {
             assert!(logit(sigmoid(value)).is_finite(), "{value}");

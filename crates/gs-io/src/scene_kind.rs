@@ -50,7 +50,7 @@ pub enum SceneKind {
     Gsplat,
     /// A folder with a frame written by an editor.
     EditorFolder,
-    /// A PLY file of another kind, with the reason why it is not a Gaussian scene.
+    /// A PLY file of a different kind, with the reason why it is not a Gaussian scene.
     OtherPly(String),
     /// A `.splatv` file: splats that move along cubic polynomials of time.
     Splatv,

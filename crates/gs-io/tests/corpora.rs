@@ -9,8 +9,8 @@ use std::path::Path;
 
 extern crate self as libfuzzer_sys;
 
-/// Replaces the fuzzer's macro, which turns its argument into a
-/// program, by one that makes a function.
+/// Replaces the fuzzer's macro, which makes a program
+/// of its argument, by one that makes a function.
 #[macro_export]
 macro_rules! fuzz_target {
     (|$bytes:ident: &[u8]| $body:block) => {
@@ -54,7 +54,7 @@ targets! {
 }
 
 #[test]
-fn kept_inputs_still_pass() {
+fn stored_inputs_pass() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpora");
     let mut kept: Vec<String> = std::fs::read_dir(&folder)
         .unwrap()
@@ -83,12 +83,12 @@ fn kept_inputs_still_pass() {
 
 /// Seconds per target; set `C4D_FUZZ_SECONDS` for more.
 fn seconds() -> f64 {
-    let asked = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
-    asked.unwrap_or(2.0)
+    let given = std::env::var("C4D_FUZZ_SECONDS").ok().and_then(|text| text.parse().ok());
+    given.unwrap_or(2.0)
 }
 
 /// An input mutated as by libFuzzer: bytes, extreme numbers, digits, parts
-/// removed, duplicated, or taken from another input.
+/// removed, duplicated, or taken from a different input.
 fn mutated(kept: &[Vec<u8>], numbers: &mut SplitMix64) -> Vec<u8> {
     const EXTREMES: [u32; 6] = [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fc0_0000];
     let mut bytes = kept[numbers.below(kept.len())].clone();
@@ -144,13 +144,13 @@ fn mutated_inputs_pass() {
             let (kept, begun, mut tried) = (corpus(name), Instant::now(), 0_u64);
             while begun.elapsed().as_secs_f64() < seconds() {
                 let input = mutated(&kept, &mut SplitMix64::new(tried));
-                let asked = Instant::now();
+                let start = Instant::now();
                 if catch_unwind(AssertUnwindSafe(|| run(&input))).is_err() {
                     let file = std::env::temp_dir().join(format!("c4d-fuzz-{name}-{tried}"));
                     std::fs::write(&file, &input).unwrap();
                     panic!("{name}: input {tried} is in {}", file.display());
                 }
-                let took = asked.elapsed().as_secs_f64();
+                let took = start.elapsed().as_secs_f64();
                 assert!(took < 20.0, "{name}: input {tried} takes {took} s");
                 tried += 1;
             }

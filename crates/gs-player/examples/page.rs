@@ -8,7 +8,7 @@
 #![expect(clippy::print_stdout, reason = "an example that prints its measurements")]
 
 use gs_core::{Camera, DynamicScene};
-use gs_player::{Options, Page, PageScenes, encode, page};
+use gs_player::{EncodeOptions, Page, PageScenes, encode, page};
 use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
 use std::error::Error;
 use std::time::Instant;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let edited = apply_edits(&original, &demo_edits(), 7)?.truth;
     let times = original.time_range().frames(frames);
     let begun = Instant::now();
-    let options = Options { sh_degree, ..Options::default() };
+    let options = EncodeOptions { sh_degree, ..EncodeOptions::default() };
     let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {})?;
     let camera = Camera::look_at([0.0, 1.4, 4.2], [0.0, 0.9, 0.0], [0.0, 1.0, 0.0], 0.7, 960, 720);
     let text = page(
@@ -44,7 +44,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = &encoded.report;
     println!(
         "{} frames of {} and {} splats: {} in both scenes, {} more with the same motion, {} move",
-        report.frames, report.first, report.second, report.shared, report.twins, report.moving
+        report.frames,
+        report.first,
+        report.second,
+        report.shared,
+        report.same_motion,
+        report.moving
     );
     let (still, moving) = report.position_error;
     println!("largest error of a coordinate: {still:.2e} of static splats, {moving:.2e} of moving");

@@ -84,12 +84,12 @@ function readHeader(text, size) {
   check(isList(header.attributes), "attributes");
   for (const entry of header.attributes) {
     check(entry !== null && typeof entry === "object" && typeof entry.name === "string", "an attribute");
-    const { table, channels, step, base_channels: stored, base_planes, knot_planes, movers, knots, gap_bytes } = entry;
-    check(table === "geometry" || table === "look", "table of an attribute");
+    const { table, channels, step, base_channels: stored, base_planes, knot_planes, moving_rows, knots, gap_bytes } = entry;
+    check(table === "geometry" || table === "appearance", "table of an attribute");
     check(isCount(channels, 64) && channels > 0, "channels");
     check(stored === channels || (stored === 3 && channels === 4), "stored channels");
     check(isCount(base_planes, 4) && isCount(knot_planes, 4), "bytes per number");
-    check([movers, knots, gap_bytes].every((n) => isCount(n, size)), "counts of movers, knots or \
+    check([moving_rows, knots, gap_bytes].every((n) => isCount(n, size)), "counts of moving rows, knots or \
         gaps");
     check(Number.isFinite(step) && step > 0, "step");
   }
@@ -100,7 +100,7 @@ function readHeader(text, size) {
 function readAttribute(entry, rows, frames, bytes, start) {
   const { channels, step } = entry;
   let at = start;
-  const needed = rows * entry.base_channels * entry.base_planes + (entry.movers > 0 ? (rows + 7) >> 3 : 0) +
+  const needed = rows * entry.base_channels * entry.base_planes + (entry.moving_rows > 0 ? (rows + 7) >> 3 : 0) +
     entry.gap_bytes + entry.knots * channels * entry.knot_planes;
   check(at + needed <= bytes.length, "an attribute is truncated");
   const stored = readPlanes(bytes, at, rows, entry.base_channels, entry.base_planes);
@@ -122,21 +122,21 @@ function readAttribute(entry, rows, frames, bytes, start) {
     }
   }
 
-  const movers = new Uint32Array(entry.movers);
-  if (entry.movers > 0) {
-    let mover = 0;
+  const movingRows = new Uint32Array(entry.moving_rows);
+  if (entry.moving_rows > 0) {
+    let i = 0;
     for (let row = 0; row < rows; row++) {
-      if ((bytes[at + (row >> 3)] >> (row & 7)) & 1) movers[mover++] = row;
+      if ((bytes[at + (row >> 3)] >> (row & 7)) & 1) movingRows[i++] = row;
     }
-    check(mover === entry.movers, "number of moving rows");
+    check(i === entry.moving_rows, "number of moving rows");
     at += (rows + 7) >> 3;
   }
-  // Knot 0 of every mover is its first frame, so that every segment has two ends.
-  const first = new Uint32Array(entry.movers + 1);
-  const knotFrames = new Uint16Array(entry.knots + entry.movers);
+  // Knot 0 of every moving row is its first frame, so that every segment has two ends.
+  const first = new Uint32Array(entry.moving_rows + 1);
+  const knotFrames = new Uint16Array(entry.knots + entry.moving_rows);
   let ended = 0;
   for (let knot = 0, end = at + entry.gap_bytes; at < end; at++) {
-    check(ended < entry.movers, "more tracks than moving rows");
+    check(ended < entry.moving_rows, "more tracks than moving rows");
     if (knot === first[ended]) knotFrames[knot++] = 0;
     if (bytes[at] > 0) {
       const frame = knotFrames[knot - 1] + bytes[at];
@@ -146,32 +146,32 @@ function readAttribute(entry, rows, frames, bytes, start) {
       first[++ended] = knot;
     }
   }
-  check(ended === entry.movers && first[ended] === knotFrames.length, "number of knots");
+  check(ended === entry.moving_rows && first[ended] === knotFrames.length, "number of knots");
   const differences = readPlanes(bytes, at, entry.knots, channels, entry.knot_planes);
   at += differences.length * entry.knot_planes;
 
-  const values = new Int32Array((entry.knots + entry.movers) * channels);
+  const values = new Int32Array((entry.knots + entry.moving_rows) * channels);
   let before = new Int32Array(frames * channels), dense = new Int32Array(frames * channels);
-  for (let mover = 0, d = 0; mover < entry.movers; mover++) {
-    const row = movers[mover];
-    for (let c = 0; c < channels; c++) values[first[mover] * channels + c] = base[row * channels + c];
-    for (let knot = first[mover] + 1; knot < first[mover + 1]; knot++) {
+  for (let i = 0, d = 0; i < entry.moving_rows; i++) {
+    const row = movingRows[i];
+    for (let c = 0; c < channels; c++) values[first[i] * channels + c] = base[row * channels + c];
+    for (let knot = first[i] + 1; knot < first[i + 1]; knot++) {
       const from = knotFrames[knot - 1] * channels, to = knotFrames[knot] * channels;
       for (let c = 0; c < channels; c++, d++) {
         let moved = differences[d];
-        if (entry.neighbour) moved = (moved + before[to + c] - before[from + c]) | 0;
+        if (entry.knot_delta) moved = (moved + before[to + c] - before[from + c]) | 0;
         values[knot * channels + c] = (values[(knot - 1) * channels + c] + moved) | 0;
       }
     }
-    if (entry.neighbour) {
-      everyFrame(knotFrames, values, first[mover], first[mover + 1], channels, dense);
+    if (entry.knot_delta) {
+      everyFrame(knotFrames, values, first[i], first[i + 1], channels, dense);
       [before, dense] = [dense, before];
     }
   }
-  return { ...entry, rows, base, movers, first, knotFrames, values, end: at };
+  return { ...entry, rows, base, movingRows, first, knotFrames, values, end: at };
 }
 
-/** Values of a mover at every frame, rounded as in the encoder; the next mover is stored relative to them. */
+/** Values of a moving row at every frame, rounded as in the encoder; the next moving row is stored relative to them. */
 function everyFrame(knotFrames, values, start, end, channels, out) {
   for (let knot = start + 1; knot < end; knot++) {
     const from = knotFrames[knot - 1], to = knotFrames[knot];
@@ -194,8 +194,8 @@ function readPayload(bytes) {
   const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(8, true);
   check(12 + length <= bytes.length, "the header is truncated");
   const header = readHeader(text(12, 12 + length), bytes.length);
-  const [a, twins, shared, b] = header.groups;
-  const rows = { geometry: a + twins + shared + b, look: a + 2 * twins + shared + b };
+  const [a, sameMotion, shared, b] = header.groups;
+  const rows = { geometry: a + sameMotion + shared + b, appearance: a + 2 * sameMotion + shared + b };
   const attributes = {};
   let at = 12 + length;
   for (const entry of header.attributes) {

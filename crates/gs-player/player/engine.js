@@ -18,26 +18,26 @@ async function open({ rawBytes }) {
   stage = new Stage(payload);
   sorter = new Sorter(payload.header.groups);
   const describe = ({ texels, perLine, lines, width, data }) => ({ texels, perLine, lines, width, data: data.slice() });
-  const geometry = describe(stage.geometry), look = describe(stage.look);
+  const geometry = describe(stage.geometry), appearance = describe(stage.appearance);
   const overlays = {};
   for (const [name, attribute] of Object.entries(stage.attributes)) {
     if (name.startsWith("overlay:")) overlays[name.slice("overlay:".length)] = Uint8Array.from(attribute.base);
   }
   postMessage(
-    { kind: "ready", header: payload.header, geometry, look, overlays, moving: stage.moving, decodeTime: performance.now() - begun },
-    [geometry.data.buffer, look.data.buffer],
+    { kind: "ready", header: payload.header, geometry, appearance, overlays, moving: stage.moving, decodeTime: performance.now() - begun },
+    [geometry.data.buffer, appearance.data.buffer],
   );
 }
 
 function frame({ id, time, view, near, returned }) {
   spare.push(...returned);
   const begun = performance.now();
-  const answer = { kind: "frame", id, time, geometry: null, look: null };
+  const answer = { kind: "frame", id, time, geometry: null, appearance: null };
   const transfer = [];
   if (time !== shownTime) {
     stage.seek(time);
     shownTime = time;
-    for (const name of ["geometry", "look"]) {
+    for (const name of ["geometry", "appearance"]) {
       const table = stage[name], stretches = stage.moving[name];
       const lines = stretches.reduce((sum, stretch) => sum + stretch[1], 0);
       if (lines === 0) continue;
@@ -56,16 +56,16 @@ function frame({ id, time, view, near, returned }) {
 }
 
 /** Sets the scene to `time` for a request that draws nothing. */
-function lookAt(time) {
+function seekTo(time) {
   if (time === shownTime) return;
   stage.seek(time);
-  // The screen still shows another time.
+  // The screen still shows a different time.
   shownTime = NaN;
 }
 
 /** For each pixel the splat that contributes most: row in the file or scene that was encoded, centre, depth, share of the pixel. */
 function picked({ time, view, second, pixels }) {
-  lookAt(time);
+  seekTo(time);
   const { groups } = stage.header;
   const orders = [new Uint32Array(sorter.rows), new Uint32Array(sorter.rows)];
   const counts = sorter.sort(stage.geometry, view.rows[2], view.near, ...orders);
@@ -78,14 +78,14 @@ function picked({ time, view, second, pixels }) {
     const center = [...stage.geometry.data.subarray(at, at + 3)];
     const depth = view.rows[2].slice(0, 3).reduce((sum, value, k) => sum + value * (center[k] - view.eye[k]), 0);
     const numbers = stage.attributes.row?.base;
-    const row = numbers ? numbers[2 * lookRow(groups, found.row, second) + which] : null;
+    const row = numbers ? numbers[2 * appearanceRow(groups, found.row, second) + which] : null;
     return { row, center, depth, weight: found.weight };
   });
 }
 
 /** Marks of the splats that a selection contains. */
 function selected({ time, second, shape }) {
-  lookAt(time);
+  seekTo(time);
   return select(stage, stage.header.groups, second, shape);
 }
 
@@ -98,12 +98,12 @@ function report({ time }) {
     frames: fingerprint(attribute.knotFrames),
     values: fingerprint(attribute.values),
   }));
-  // The screen still shows another time.
+  // The screen still shows a different time.
   shownTime = NaN;
   const sum = (data) => data.reduce((total, value) => total + value, 0);
   postMessage({
     kind: "report",
-    report: { header: stage.header, time, attributes, sums: { geometry: sum(stage.geometry.data), look: sum(stage.look.data) } },
+    report: { header: stage.header, time, attributes, sums: { geometry: sum(stage.geometry.data), appearance: sum(stage.appearance.data) } },
   });
 }
 

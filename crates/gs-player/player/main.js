@@ -11,8 +11,8 @@
 //   hold       delay the page's load event until the first image is shown (for screenshots)
 
 const config = JSON.parse(byId("config").textContent);
-const asked = new URLSearchParams(location.hash.slice(1));
-const number = (name, otherwise) => (asked.has(name) && Number.isFinite(Number(asked.get(name))) ? Number(asked.get(name)) : otherwise);
+const startOptions = new URLSearchParams(location.hash.slice(1));
+const number = (name, otherwise) => (startOptions.has(name) && Number.isFinite(Number(startOptions.get(name))) ? Number(startOptions.get(name)) : otherwise);
 
 /** Highest resolution, device pixels per CSS pixel. */
 const MAX_DENSITY = 2;
@@ -39,7 +39,7 @@ function holdLoading() {
   };
 }
 let release = () => {};
-if (asked.has("hold")) release = holdLoading();
+if (startOptions.has("hold")) release = holdLoading();
 
 /** Writes a value into the page, for tests. */
 function note(id, value) {
@@ -53,7 +53,7 @@ function note(id, value) {
 function start() {
   const canvas = byId("view");
   document.body.style.background = `rgb(${config.background.map((value) => Math.round(value * 255)).join(" ")})`;
-  document.body.classList.toggle("bare", asked.get("ui") === "0");
+  document.body.classList.toggle("bare", startOptions.get("ui") === "0");
   if (typeof DecompressionStream === "undefined") throw new Error("This browser cannot decompress (DecompressionStream is missing)");
   const renderer = new Renderer(canvas, config.background);
   canvas.addEventListener("webglcontextlost", () => fail(new Error("The graphics device was lost; reload the page")));
@@ -66,14 +66,14 @@ function start() {
   const overlays = new Overlays(renderer, config.scenes, changed);
   const ui = new Interface(config, clock, layout, overlays, camera, changed);
   clock.seek(number("t", 0) * clock.last);
-  if (asked.has("free") && camera.limited) camera.toggleLimits();
+  if (startOptions.has("free") && camera.limited) camera.toggleLimits();
   camera.orbit((number("turn", 0) * Math.PI) / 180, (number("rise", 0) * Math.PI) / 180);
   camera.zoom(1 / Math.max(0.01, number("zoom", 1)));
   layout.at = Math.max(0, Math.min(1, number("wipe", 0.5)));
-  if (asked.has("mode")) layout.set(asked.get("mode"));
-  if (asked.has("show")) layout.show(number("show", 1) - 1);
-  if (asked.has("opacity")) overlays.opacity = number("opacity", 1);
-  if (asked.has("help")) ui.help();
+  if (startOptions.has("mode")) layout.set(startOptions.get("mode"));
+  if (startOptions.has("show")) layout.show(number("show", 1) - 1);
+  if (startOptions.has("opacity")) overlays.opacity = number("opacity", 1);
+  if (startOptions.has("help")) ui.help();
 
   const size = () => [canvas.width, canvas.height];
   const resize = () => {
@@ -107,7 +107,7 @@ function start() {
         byId("progress").value = shares.reduce((sum, share) => sum + share, 0) / started;
       },
       ready: () => {
-        if (asked.has("report")) source.worker.postMessage({ kind: "report", time: clock.time });
+        if (startOptions.has("report")) source.worker.postMessage({ kind: "report", time: clock.time });
         const { rows, near } = camera.view(size());
         source.ask(clock.time, rows[2], near);
       },
@@ -131,7 +131,7 @@ function start() {
         document.body.dataset.sortMs = answer.times.sort.toFixed(1);
         if (loaded && drawn.size === started) {
           ui.count(config.scenes.map((scene) => metas[scene.source].splats[scene.second]));
-          if (!shown && asked.has("overlay")) overlays.choose(asked.get("overlay"));
+          if (!shown && startOptions.has("overlay")) overlays.choose(startOptions.get("overlay"));
           shown ||= reveal();
         }
         changed();
@@ -164,10 +164,10 @@ function start() {
   function reveal() {
     document.body.classList.remove("loading");
     const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    if (!asked.has("paused") && !calm) clock.play(true);
+    if (!startOptions.has("paused") && !calm) clock.play(true);
     draw(1);
     const poster = byId("poster");
-    if (asked.has("hold")) {
+    if (startOptions.has("hold")) {
       poster?.remove();
       // After two frames the image is on the screen.
       const finish = () => requestAnimationFrame(() => requestAnimationFrame(release));
@@ -180,9 +180,9 @@ function start() {
   }
 
   async function answerTests() {
-    if (asked.has("pick")) {
+    if (startOptions.has("pick")) {
       const sides = [canvas.clientWidth, canvas.clientHeight];
-      const places = asked.get("pick").split(";").map((place) => place.split(",").map((share, k) => Math.floor(share * sides[k]) + 0.5));
+      const places = startOptions.get("pick").split(";").map((place) => place.split(",").map((share, k) => Math.floor(share * sides[k]) + 0.5));
       const answers = await pick(places);
       note("picked", { sides, answers: answers.map((answer, i) => ({ place: places[i], row: answer?.row ?? null, weight: answer?.weight ?? 0 })) });
     }
@@ -210,7 +210,7 @@ function start() {
     // Slow devices render fewer pixels while the scene moves.
     const active = now - lastActive < 100;
     lastActive = now;
-    if (active && !asked.has("hold")) {
+    if (active && !startOptions.has("hold")) {
       slowness += (elapsed - slowness) * 0.1;
       if (slowness > SLOW) [scale, slowness] = [Math.max(0.4, scale * 0.85), 30];
       else if (slowness < FAST) [scale, slowness] = [Math.min(1, scale * 1.1), 30];

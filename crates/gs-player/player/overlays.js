@@ -72,11 +72,11 @@ class Overlays {
       return;
     }
     const colors = new Uint8Array(length * 4), share = Math.round(this.opacity * 255);
-    for (let look = 0, at = 0; look < length; look++, at += 4) {
-      if (marks?.[look]) {
+    for (let appearance = 0, at = 0; appearance < length; appearance++, at += 4) {
+      if (marks?.[appearance]) {
         colors.set(SELECTED, at);
       } else if (chosen) {
-        colors.set(shown.palette[chosen[look]], at);
+        colors.set(shown.palette[chosen[appearance]], at);
         colors[at + 3] = share;
       }
     }

@@ -13,22 +13,22 @@ const TRANSMITTANCE_THRESHOLD = 0.0001;
 /** Values per projected splat: centre, inverse covariance (xx, xy, yy), opacity, first and last pixel of its tiles, row. */
 const PROJECTED = 11;
 
-/** Row of a splat's look; see the shader. */
-function lookRow([a, twins, shared], row, second) {
+/** Row of a splat's appearance; see the shader. */
+function appearanceRow([a, sameMotion, shared], row, second) {
   if (!second || row < a) return row;
-  return row < a + twins ? row + twins + shared : row < a + twins + shared ? row : row + twins;
+  return row < a + sameMotion ? row + sameMotion + shared : row < a + sameMotion + shared ? row : row + sameMotion;
 }
 
 /** The splats of `order` (farthest first), projected, nearest first. */
 function project(stage, groups, order, count, second, { rows, eye, focal, principal, near, size }) {
-  const geometry = stage.geometry.data, look = stage.look.data, lookStride = stage.look.texels * 4;
+  const geometry = stage.geometry.data, appearance = stage.appearance.data, appearanceStride = stage.appearance.texels * 4;
   const projected = new Float64Array(count * PROJECTED);
   const limit = [0, 1].map((axis) => (GUARD_BAND * size[axis]) / (2 * focal[axis]));
   const tiles = size.map((side) => Math.ceil(side / TILE_SIZE));
   let at = 0;
   for (let i = count - 1; i >= 0; i--) {
     const row = order[i], g = row * GEOMETRY_TEXELS * 4;
-    const opacity = look[lookRow(groups, row, second) * lookStride + 3];
+    const opacity = appearance[appearanceRow(groups, row, second) * appearanceStride + 3];
     if (opacity < ALPHA_THRESHOLD) continue;
     const ray = [geometry[g] - eye[0], geometry[g + 1] - eye[1], geometry[g + 2] - eye[2]];
     const t = rows.map((axis) => axis[0] * ray[0] + axis[1] * ray[1] + axis[2] * ray[2]);

@@ -50,10 +50,10 @@ class Renderer {
   }
 
   /** Loads a decoded payload in place of the one with this index: tables of texels, and the ranges of lines that move. */
-  load(index, { header, geometry, look, moving }) {
+  load(index, { header, geometry, appearance, moving }) {
     const { gl } = this;
     const most = gl.getParameter(gl.MAX_TEXTURE_SIZE);
-    if (Math.max(geometry.lines, look.lines) > most) throw new Error(`The scene needs textures of more than ${most} lines, the most this device has`);
+    if (Math.max(geometry.lines, appearance.lines) > most) throw new Error(`The scene needs textures of more than ${most} lines, the most this device has`);
     const old = this.sources[index];
     if (old) {
       for (const { texture } of Object.values(old.tables)) gl.deleteTexture(texture);
@@ -79,9 +79,9 @@ class Renderer {
       header,
       moving,
       orders,
-      tables: { geometry: this.table(geometry), look: this.table(look) },
-      perLine: { geometry: geometry.perLine, look: look.perLine },
-      lookTexels: look.texels,
+      tables: { geometry: this.table(geometry), appearance: this.table(appearance) },
+      perLine: { geometry: geometry.perLine, appearance: appearance.perLine },
+      appearanceTexels: appearance.texels,
       overlay: null,
     };
   }
@@ -96,7 +96,7 @@ class Renderer {
     return texture;
   }
 
-  /** Sets the colours that the looks of a payload are mixed with: RGB and share, a byte each; `null` for none. */
+  /** Sets the colours that the appearances of a payload are mixed with: RGB and share, a byte each; `null` for none. */
   paint(index, colors) {
     const source = this.sources[index];
     if (source.overlay) this.gl.deleteTexture(source.overlay);
@@ -124,7 +124,7 @@ class Renderer {
     const { gl } = this;
     const source = this.sources[index];
     gl.activeTexture(gl.TEXTURE0);
-    for (const name of ["geometry", "look"]) {
+    for (const name of ["geometry", "appearance"]) {
       if (!frame[name]) continue;
       const { texture, width } = source.tables[name];
       gl.bindTexture(gl.TEXTURE_2D, texture);
@@ -206,14 +206,14 @@ class Renderer {
     gl.viewport(left, bottom, columns, lines);
     gl.scissor(from, bottom, to - from, lines);
     const { uniforms } = this.splats;
-    const { header, tables, perLine, lookTexels, overlay } = source;
+    const { header, tables, perLine, appearanceTexels, overlay } = source;
     const within = [columns / width, lines / height];
     gl.uniform1i(uniforms.u_geometry, 0);
-    gl.uniform1i(uniforms.u_look, 1);
+    gl.uniform1i(uniforms.u_appearance, 1);
     gl.uniform1i(uniforms.u_overlay, 2);
     gl.uniform1i(uniforms.u_geometry_per_line, perLine.geometry);
-    gl.uniform1i(uniforms.u_look_per_line, perLine.look);
-    gl.uniform1i(uniforms.u_look_texels, lookTexels);
+    gl.uniform1i(uniforms.u_appearance_per_line, perLine.appearance);
+    gl.uniform1i(uniforms.u_appearance_texels, appearanceTexels);
     gl.uniform1i(uniforms.u_sh_degree, header.sh_degree);
     gl.uniform3i(uniforms.u_groups, ...header.groups.slice(0, 3));
     gl.uniform1i(uniforms.u_second, second);
@@ -225,7 +225,7 @@ class Renderer {
     gl.uniform2f(uniforms.u_principal, view.principal[0] * within[0], view.principal[1] * within[1]);
     gl.uniform2f(uniforms.u_size, columns, lines);
     gl.uniform2f(uniforms.u_origin, left, bottom);
-    [tables.geometry.texture, tables.look.texture, overlay ?? this.blank].forEach((texture, unit) => {
+    [tables.geometry.texture, tables.appearance.texture, overlay ?? this.blank].forEach((texture, unit) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     });

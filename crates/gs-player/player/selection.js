@@ -30,9 +30,9 @@ function expressionOf({ planes = [], spheres = [] }) {
 }
 
 class Selection {
-  /** `said(text, line)` shows a message; `post` sends a selection to the server. */
-  constructor(parts, post, said) {
-    Object.assign(this, { parts, post, said });
+  /** `show(text, command)` shows a message; `post` sends a selection to the server. */
+  constructor(parts, post, show) {
+    Object.assign(this, { parts, post, show });
     this.tool = null;
     this.lasso = byId("lasso");
     byId("tool-box").addEventListener("click", () => this.use("box"));
@@ -54,7 +54,7 @@ class Selection {
       byId("lasso-box").hidden = true;
       const trail = this.trail;
       const done = this.tool === "box" ? this.box([...trail[0], ...trail.at(-1)]) : this.brush(trail);
-      done.catch((error) => this.said(error.message));
+      done.catch((error) => this.show(error.message));
     });
   }
 
@@ -64,12 +64,12 @@ class Selection {
     this.lasso.hidden = this.tool === null;
     for (const name of ["box", "brush"]) byId(`tool-${name}`).setAttribute("aria-pressed", String(this.tool === name));
     if (this.tool === null) this.clear();
-    else this.said(this.tool === "box" ? "Drag a box over what to select" : "Draw over what to select");
+    else this.show(this.tool === "box" ? "Drag a box over what to select" : "Draw over what to select");
   }
 
   clear() {
     this.parts.overlays.mark(-1, null);
-    this.said("");
+    this.show("");
   }
 
   outline() {
@@ -87,7 +87,7 @@ class Selection {
     const at = (from, to, k) => from + ((to - from) * (k + 0.5)) / BOX_PLACES;
     const places = Array.from({ length: BOX_PLACES ** 2 }, (_, i) => [at(left, right, i % BOX_PLACES), at(top, bottom, Math.floor(i / BOX_PLACES))]);
     const found = (await this.parts.pick(places)).filter((one) => one !== null);
-    if (found.length === 0) return this.said("Nothing is shown there");
+    if (found.length === 0) return this.show("Nothing is shown there");
     // A box across cells selects in the one where it begins.
     const { cell } = found[0];
     const depth = Math.max(...found.filter((one) => one.cell === cell).map((one) => one.depth)) * (1 + BOX_MARGIN);
@@ -99,7 +99,7 @@ class Selection {
   /** Selects around the splats that a stroke passes over; places in CSS pixels. */
   async brush(trail) {
     const found = (await this.parts.pick(trail)).filter((one) => one !== null);
-    if (found.length === 0) return this.said("Nothing is shown there");
+    if (found.length === 0) return this.show("Nothing is shown there");
     const { cell } = found[0];
     const density = this.parts.canvas.width / this.parts.canvas.clientWidth;
     const spheres = [];
@@ -118,7 +118,7 @@ class Selection {
     overlays.mark(cell.source, marks);
     const expression = expressionOf(shape);
     const { command } = await this.post("selection", { scene: cell.scene, frame: Math.round(clock.time), expression });
-    this.said(`${count.toLocaleString("en")} splats selected. The command is also in the terminal:`, command);
+    this.show(`${count.toLocaleString("en")} splats selected. The command is also in the terminal:`, command);
     return { count, expression, command };
   }
 }

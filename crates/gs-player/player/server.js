@@ -7,14 +7,14 @@ class Tools {
   constructor(parts) {
     this.parts = parts;
     this.versions = [];
-    const said = (text, line = "") => {
-      byId("tools-said").textContent = text;
-      byId("tools-line").textContent = line;
-      byId("tools-line").hidden = line === "";
+    const show = (text, command = "") => {
+      byId("tools-message").textContent = text;
+      byId("tools-command").textContent = command;
+      byId("tools-command").hidden = command === "";
     };
-    this.said = said;
+    this.show = show;
     this.inspector = new Inspector(parts, (address) => this.get(address));
-    this.selection = new Selection(parts, (address, body) => this.post(address, body), said);
+    this.selection = new Selection(parts, (address, body) => this.post(address, body), show);
     byId("tool-camera").addEventListener("click", () => this.saveCamera());
     parts.ui.tools = {
       s: () => this.saveCamera(),
@@ -23,7 +23,7 @@ class Tools {
       Escape: () => this.selection.use(this.selection.tool),
     };
     this.update(true).catch(parts.fail);
-    if (!asked.has("hold")) setInterval(() => this.update(false).catch(() => said("The server does not answer: c4d view has ended")), POLL_MS);
+    if (!startOptions.has("hold")) setInterval(() => this.update(false).catch(() => show("The server does not answer: c4d view has ended")), POLL_MS);
   }
 
   async request(address, options) {
@@ -54,9 +54,9 @@ class Tools {
         const meta = JSON.parse(new TextDecoder().decode(file.subarray(4, 4 + length)));
         this.parts.openSource(index, meta, (source) => source.openBytes(file.slice(4 + length), meta.raw_bytes));
         this.versions[index] = version;
-        if (!first) this.said("Reloaded: its files have changed");
+        if (!first) this.show("Reloaded: its files have changed");
       }
-      if (problem && problem !== this.problem) this.said(problem);
+      if (problem && problem !== this.problem) this.show(problem);
       this.problem = problem;
     } finally {
       this.updating = false;
@@ -64,7 +64,7 @@ class Tools {
   }
 
   clicked(place) {
-    this.inspector.show(place).catch((error) => this.said(error.message));
+    this.inspector.show(place).catch((error) => this.show(error.message));
   }
 
   /** Sends the view to the server, which writes it for `c4d render --cameras`. */
@@ -76,9 +76,9 @@ class Tools {
     const body = { rows: view.rows, focal: view.focal.map((focal) => focal / density), size, near: view.near };
     try {
       const { message, command } = await this.post("camera", body);
-      this.said(message, command);
+      this.show(message, command);
     } catch (error) {
-      this.said(error.message);
+      this.show(error.message);
     }
   }
 
@@ -86,9 +86,9 @@ class Tools {
   async answerTests() {
     const { clientWidth, clientHeight } = this.parts.canvas;
     const numbers = (text) => text.split(",").map((share, k) => Math.floor(share * [clientWidth, clientHeight][k % 2]) + 0.5);
-    if (asked.has("inspect")) await this.inspector.show(numbers(asked.get("inspect")));
-    if (asked.has("save")) await this.saveCamera();
-    if (asked.has("box")) this.parts.note("answered", await this.selection.box(numbers(asked.get("box"))));
-    if (asked.has("brush")) this.parts.note("answered", await this.selection.brush(asked.get("brush").split(";").map(numbers)));
+    if (startOptions.has("inspect")) await this.inspector.show(numbers(startOptions.get("inspect")));
+    if (startOptions.has("save")) await this.saveCamera();
+    if (startOptions.has("box")) this.parts.note("answered", await this.selection.box(numbers(startOptions.get("box"))));
+    if (startOptions.has("brush")) this.parts.note("answered", await this.selection.brush(startOptions.get("brush").split(";").map(numbers)));
   }
 }

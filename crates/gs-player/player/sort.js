@@ -4,10 +4,10 @@
 // 32-bit float: exact, stable, linear time.
 
 class Sorter {
-  /** `groups`: rows of the first scene alone, twins, shared, second scene alone. */
-  constructor([a, twins, shared, b]) {
-    this.rows = a + twins + shared + b;
-    this.firstEnd = a + twins + shared;
+  /** `groups`: rows of the first scene alone, same motion, shared, second scene alone. */
+  constructor([a, sameMotion, shared, b]) {
+    this.rows = a + sameMotion + shared + b;
+    this.firstEnd = a + sameMotion + shared;
     this.secondStart = a;
     this.depths = new Float32Array(this.rows);
     this.keys = new Uint32Array(this.depths.buffer);

@@ -41,7 +41,7 @@ class Source {
     this.spare = [];
   }
 
-  /** The worker's answer to a request of another kind. */
+  /** The worker's answer to a different request. */
   call(kind, request) {
     return new Promise((resolve) => {
       const id = this.calls.size === 0 ? 1 : Math.max(...this.calls.keys()) + 1;
@@ -65,7 +65,7 @@ class Source {
         const loaded = this.loaded;
         this.loaded = null;
         this.handlers.frame(data, loaded);
-        for (const name of ["geometry", "look", "first", "second"]) if (data[name]) this.spare.push(data[name].buffer);
+        for (const name of ["geometry", "appearance", "first", "second"]) if (data[name]) this.spare.push(data[name].buffer);
         break;
       }
       case "answer":

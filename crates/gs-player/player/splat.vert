@@ -7,15 +7,15 @@ precision highp int;
 precision highp sampler2D;
 
 uniform sampler2D u_geometry;
-uniform sampler2D u_look;
-// Colours over those of the looks, and their shares; as many texels per line, or 0 for none.
+uniform sampler2D u_appearance;
+// Colours over those of the appearances, and their shares; as many texels per line, or 0 for none.
 uniform sampler2D u_overlay;
 uniform int u_overlay_per_line;
 uniform int u_geometry_per_line;
-uniform int u_look_per_line;
-uniform int u_look_texels;
+uniform int u_appearance_per_line;
+uniform int u_appearance_texels;
 uniform int u_sh_degree;
-// Row counts of groups a, twins and shared; 1 for the second scene.
+// Row counts of groups a, same motion and shared; 1 for the second scene.
 uniform ivec3 u_groups;
 uniform int u_second;
 // World to camera by rows; camera centre; near plane; focal lengths, principal point and size of the image, pixels.
@@ -44,21 +44,21 @@ vec4 geometry(int row, int texel) {
   return texelFetch(u_geometry, ivec2((row % u_geometry_per_line) * 3 + texel, row / u_geometry_per_line), 0);
 }
 
-vec4 look(int row, int texel) {
-  return texelFetch(u_look, ivec2((row % u_look_per_line) * u_look_texels + texel, row / u_look_per_line), 0);
+vec4 appearance(int row, int texel) {
+  return texelFetch(u_appearance, ivec2((row % u_appearance_per_line) * u_appearance_texels + texel, row / u_appearance_per_line), 0);
 }
 
-// Looks are stored as: first alone, twins of the first, shared, twins of the second, second alone.
-int look_row(int row) {
+// Appearances are stored as: first alone, same motion of the first, shared, same motion of the second, second alone.
+int appearance_row(int row) {
   if (u_second == 0) return row;
-  int twins = u_groups.y;
-  int shared_from = u_groups.x + twins;
-  if (row < shared_from) return row + twins + u_groups.z;
-  return row < shared_from + u_groups.z ? row : row + twins;
+  int same_motion = u_groups.y;
+  int shared_from = u_groups.x + same_motion;
+  if (row < shared_from) return row + same_motion + u_groups.z;
+  return row < shared_from + u_groups.z ? row : row + same_motion;
 }
 
 vec3 sh(int row, int k) {
-  return look(row, k).rgb;
+  return appearance(row, k).rgb;
 }
 
 // Colour towards direction d; real spherical harmonics in the order and with the signs of 3DGS files.
@@ -102,7 +102,7 @@ void main() {
   vec3 ray = mean - u_eye;
   vec3 t = vec3(dot(u_view[0].xyz, ray), dot(u_view[1].xyz, ray), dot(u_view[2].xyz, ray));
   if (t.z <= u_near) return;
-  vec4 color = look(look_row(row), 0);
+  vec4 color = appearance(appearance_row(row), 0);
   if (color.a < ALPHA_THRESHOLD) return;
   // Pixel centres at half-integers, rows downwards.
   vec2 center = u_focal * t.xy / t.z + u_principal;
@@ -140,9 +140,9 @@ void main() {
 
   v_center = center;
   v_conic = vec3(c, -b, a) / det;
-  v_color = vec4(shade(look_row(row), color.rgb, normalize(mean - u_eye)), color.a);
+  v_color = vec4(shade(appearance_row(row), color.rgb, normalize(mean - u_eye)), color.a);
   if (u_overlay_per_line > 0) {
-    int at = look_row(row);
+    int at = appearance_row(row);
     vec4 over = texelFetch(u_overlay, ivec2(at % u_overlay_per_line, at / u_overlay_per_line), 0);
     v_color.rgb = mix(v_color.rgb, over.rgb, over.a);
   }

@@ -1,7 +1,7 @@
 // The scene at one time, as texels. Runs in the worker.
 //
 // Geometry texels of a row: centre; unit quaternion (x, y, z, w); standard deviations.
-// Look texels of a row: colour and opacity; then one texel per SH coefficient above degree 0.
+// Appearance texels of a row: colour and opacity; then one texel per SH coefficient above degree 0.
 
 const GEOMETRY_TEXELS = 3;
 /** Texels of a line of the textures; every WebGL 2 device has at least this width. */
@@ -23,20 +23,20 @@ class Stage {
     this.attributes = attributes;
     const coefficients = (header.sh_degree + 1) ** 2;
     this.geometry = makeTable(rows.geometry, GEOMETRY_TEXELS);
-    this.look = makeTable(rows.look, coefficients);
+    this.appearance = makeTable(rows.appearance, coefficients);
     this.rows = rows;
-    // Last knot of each mover; the search starts there, because time mostly moves forward.
+    // Last knot of each moving row; the search starts there, because time mostly moves forward.
     this.cursors = {};
-    // Values of the movers at the current time.
+    // Values of the moving rows at the current time.
     this.now = {};
     for (const [name, attribute] of Object.entries(attributes)) {
-      this.cursors[name] = attribute.first.slice(0, attribute.movers.length);
-      this.now[name] = new Float64Array(attribute.movers.length * attribute.channels);
+      this.cursors[name] = attribute.first.slice(0, attribute.movingRows.length);
+      this.now[name] = new Float64Array(attribute.movingRows.length * attribute.channels);
       this.write(name, Uint32Array.from({ length: attribute.rows }, (_, row) => row), Float64Array.from(attribute.base));
     }
     this.moving = {
       geometry: this.movingLines("geometry", this.geometry),
-      look: this.movingLines("look", this.look),
+      appearance: this.movingLines("appearance", this.appearance),
     };
   }
 
@@ -45,7 +45,7 @@ class Stage {
     const moving = new Uint8Array(lines);
     for (const attribute of Object.values(this.attributes)) {
       if (attribute.table !== table) continue;
-      for (const row of attribute.movers) moving[Math.floor(row / perLine)] = 1;
+      for (const row of attribute.movingRows) moving[Math.floor(row / perLine)] = 1;
     }
     const stretches = [];
     for (let line = 0; line < lines; line++) {
@@ -60,8 +60,8 @@ class Stage {
   /** Writes the values of rows, given in steps, to their texels. */
   write(name, rows, values) {
     const { step, channels } = this.attributes[name];
-    const geometry = this.geometry.data, look = this.look.data;
-    const toGeometry = GEOMETRY_TEXELS * 4, toLook = this.look.texels * 4;
+    const geometry = this.geometry.data, appearance = this.appearance.data;
+    const toGeometry = GEOMETRY_TEXELS * 4, toAppearance = this.appearance.texels * 4;
     const count = rows.length;
     switch (name) {
       case "position": {
@@ -92,18 +92,18 @@ class Stage {
         }
         break;
       case "opacity":
-        for (let i = 0; i < count; i++) look[rows[i] * toLook + 3] = values[i] * step;
+        for (let i = 0; i < count; i++) appearance[rows[i] * toAppearance + 3] = values[i] * step;
         break;
       case "color":
         for (let i = 0, v = 0; i < count; i++) {
-          const at = rows[i] * toLook;
-          for (let c = 0; c < 3; c++, v++) look[at + c] = values[v] * step;
+          const at = rows[i] * toAppearance;
+          for (let c = 0; c < 3; c++, v++) appearance[at + c] = values[v] * step;
         }
         break;
       case "shading":
         for (let i = 0, v = 0; i < count; i++) {
-          for (let k = 0, texel = rows[i] * toLook + 4; k < channels; k += 3, texel += 4) {
-            for (let c = 0; c < 3; c++, v++) look[texel + c] = values[v] * step;
+          for (let k = 0, texel = rows[i] * toAppearance + 4; k < channels; k += 3, texel += 4) {
+            for (let c = 0; c < 3; c++, v++) appearance[texel + c] = values[v] * step;
           }
         }
         break;
@@ -114,18 +114,18 @@ class Stage {
   seek(time) {
     for (const name of Object.keys(this.attributes)) {
       this.evaluate(this.attributes[name], this.cursors[name], time, this.now[name]);
-      this.write(name, this.attributes[name].movers, this.now[name]);
+      this.write(name, this.attributes[name].movingRows, this.now[name]);
     }
   }
 
-  /** The values of an attribute's movers at `time`, in steps. */
-  evaluate({ channels, movers, first, knotFrames, values }, cursors, time, out) {
-    for (let mover = 0, at = 0; mover < movers.length; mover++) {
-      const last = first[mover + 1] - 1;
-      let knot = cursors[mover];
+  /** The values of an attribute's moving rows at `time`, in steps. */
+  evaluate({ channels, movingRows, first, knotFrames, values }, cursors, time, out) {
+    for (let i = 0, at = 0; i < movingRows.length; i++) {
+      const last = first[i + 1] - 1;
+      let knot = cursors[i];
       while (knot < last && knotFrames[knot + 1] <= time) knot++;
-      while (knot > first[mover] && knotFrames[knot] > time) knot--;
-      cursors[mover] = knot;
+      while (knot > first[i] && knotFrames[knot] > time) knot--;
+      cursors[i] = knot;
       const a = knot * channels;
       if (knot === last) {
         for (let c = 0; c < channels; c++) out[at++] = values[a + c];

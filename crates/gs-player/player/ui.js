@@ -56,8 +56,8 @@ class Interface {
     byId("facts").textContent = `${numbers} splats${frames > 1 ? ` · ${frames} frames · ${+fps.toFixed(3)} fps` : ""}`;
   }
 
-  say(text) {
-    byId("said").textContent = text;
+  announce(text) {
+    byId("announcement").textContent = text;
   }
 
   wake() {
@@ -80,13 +80,13 @@ class Interface {
     byId("loop").firstElementChild.firstElementChild.setAttribute("href", `#icon-${repeat}`);
     byId("loop").setAttribute("aria-label", `Repeat: ${REPEAT_NAMES[repeat]}`);
     byId("loop").title = `Repeat: ${REPEAT_NAMES[repeat]}`;
-    this.say(`Repeat: ${REPEAT_NAMES[repeat]}`);
+    this.announce(`Repeat: ${REPEAT_NAMES[repeat]}`);
   }
 
   setSpeed(speed) {
     this.clock.speed = speed;
     byId("speed").value = String(speed);
-    this.say(`Speed ${speed}×`);
+    this.announce(`Speed ${speed}×`);
   }
 
   step(frames) {
@@ -102,7 +102,7 @@ class Interface {
 
   toggleLimits() {
     if (this.camera.limits === null) return;
-    this.say(this.camera.toggleLimits() ? "The view stays where the scene was captured" : "The view is free");
+    this.announce(this.camera.toggleLimits() ? "The view stays where the scene was captured" : "The view is free");
     this.changed();
   }
 
@@ -114,7 +114,7 @@ class Interface {
 
   fullScreen() {
     if (document.fullscreenElement) document.exitFullscreen();
-    else document.documentElement.requestFullscreen?.().catch(() => this.say("Full screen was refused"));
+    else document.documentElement.requestFullscreen?.().catch(() => this.announce("Full screen was refused"));
   }
 
   key(event) {

@@ -1,10 +1,10 @@
 //! Encodes one or two scenes over time as a compressed payload.
 
 use crate::axis_permutation::AxisPermutation;
-use crate::options::Options;
+use crate::options::EncodeOptions;
 use crate::overlay::{Annotations, Overlay};
 use crate::pack::{self, Entry, Label};
-use crate::survey::{self, Groups, Rows};
+use crate::row_groups::{self, RowGroups, SceneRows};
 use crate::tracks::{self, Tracks};
 use crate::{MAX_FRAMES, PlayerError};
 use flate2::{Compression, write::GzEncoder};
@@ -30,6 +30,7 @@ pub struct Encoded {
 
 /// Counts, errors and sizes of an encoded payload.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct EncodeReport {
     /// Number of frames.
     pub frames: usize,
@@ -40,7 +41,7 @@ pub struct EncodeReport {
     /// Splats that both scenes share, stored once.
     pub shared: usize,
     /// Splats with the same motion but different appearance, whose motion is stored once.
-    pub twins: usize,
+    pub same_motion: usize,
     /// Stored splats whose position, rotation or size changes over time.
     pub moving: usize,
     /// Rows omitted because a value is not finite, or the quaternion is zero, in some frame.
@@ -61,7 +62,7 @@ pub struct EncodeReport {
 struct Header<'a> {
     version: u32,
     frames: usize,
-    /// Rows of `a`, `twins`, `shared`, `b`.
+    /// Rows of `a`, `same_motion`, `shared`, `b`.
     groups: [usize; 4],
     sh_degree: usize,
     origin: [f64; 3],
@@ -78,7 +79,7 @@ pub fn encode(
     first: &dyn DynamicScene,
     second: Option<&dyn DynamicScene>,
     times: &[f32],
-    options: &Options,
+    options: &EncodeOptions,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Encoded, PlayerError> {
     encode_annotated(first, second, times, options, &Annotations::default(), progress)
@@ -92,7 +93,7 @@ pub fn encode_annotated(
     first: &dyn DynamicScene,
     second: Option<&dyn DynamicScene>,
     times: &[f32],
-    options: &Options,
+    options: &EncodeOptions,
     annotations: &Annotations<'_>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Encoded, PlayerError> {
@@ -114,38 +115,38 @@ pub fn encode_annotated(
         done += 1;
         progress(done, total);
     };
-    let mut surveys = Vec::new();
+    let mut analyzed = Vec::new();
     for scene in &scenes {
-        surveys.push(Rows::survey(*scene, times, sh::num_coeffs(degree), &mut step)?);
+        analyzed.push(SceneRows::analyze(*scene, times, sh::num_coeffs(degree), &mut step)?);
     }
-    let groups = survey::group(&surveys[0], surveys.get(1));
+    let groups = row_groups::group(&analyzed[0], analyzed.get(1));
     let [not_finite, invisible] = [
-        surveys.iter().map(|rows| rows.not_finite).sum(),
-        surveys.iter().map(|rows| rows.invisible).sum(),
+        analyzed.iter().map(|rows| rows.not_finite).sum(),
+        analyzed.iter().map(|rows| rows.invisible).sum(),
     ];
     if groups.counts().iter().sum::<usize>() == 0 {
         let rows = scenes.iter().map(|scene| scene.num_splats()).sum();
         return Err(PlayerError::NothingVisible { rows, not_finite });
     }
-    let (origin, size) = survey::trimmed_box(&surveys.iter().collect::<Vec<_>>());
-    drop(surveys);
+    let (origin, size) = row_groups::trimmed_box(&analyzed.iter().collect::<Vec<_>>());
+    drop(analyzed);
     let position_step = size / options.position_steps;
     let mut recorder = Recorder::new(&groups, degree, origin, position_step, options);
     let mut splats = Splats::default();
     #[expect(clippy::cast_possible_truncation, reason = "at most MAX_FRAMES")]
     let last_frame = (times.len() - 1) as u32;
     for (frame, &time) in (0..=last_frame).zip(times) {
-        survey::evaluate(first, time, &mut splats)?;
+        row_groups::evaluate(first, time, &mut splats)?;
         recorder.first(&groups, &splats, frame);
         step();
         if let Some(second) = second {
-            survey::evaluate(second, time, &mut splats)?;
+            row_groups::evaluate(second, time, &mut splats)?;
             recorder.second(&groups, &splats, frame);
             step();
         }
     }
     let clamped = recorder.clamped;
-    let [a, twins, shared, b] = groups.counts();
+    let [a, same_motion, shared, b] = groups.counts();
     recorder.annotate(&groups, annotations);
     let (raw, moving) = recorder.finish(&groups, times.len(), degree)?;
     let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
@@ -153,10 +154,10 @@ pub fn encode_annotated(
     let payload = compressed.finish()?;
     let report = EncodeReport {
         frames: times.len(),
-        first: a + twins + shared,
-        second: if second.is_some() { twins + shared + b } else { 0 },
+        first: a + same_motion + shared,
+        second: if second.is_some() { same_motion + shared + b } else { 0 },
         shared,
-        twins,
+        same_motion,
         moving,
         not_finite,
         invisible,
@@ -176,9 +177,9 @@ struct Recorder {
     opacity: Tracks,
     color: Tracks,
     shading: Option<Tracks>,
-    /// Names and values of constant attributes of the looks.
+    /// Names and values of constant attributes of the appearances.
     annotations: Vec<(String, Tracks)>,
-    options: Options,
+    options: EncodeOptions,
     origin: [f64; 3],
     position_step: f64,
     permutations: Vec<AxisPermutation>,
@@ -190,15 +191,15 @@ struct Recorder {
 
 impl Recorder {
     fn new(
-        groups: &Groups,
+        groups: &RowGroups,
         degree: usize,
         origin: [f64; 3],
         position_step: f64,
-        options: &Options,
+        options: &EncodeOptions,
     ) -> Self {
-        let [a, twins, shared, b] = groups.counts();
-        let rows = a + twins + shared + b;
-        let looks = rows + twins;
+        let [a, same_motion, shared, b] = groups.counts();
+        let rows = a + same_motion + shared + b;
+        let appearances = rows + same_motion;
         let tracks = |rows, channels| Tracks::new(rows, channels, options.tolerance);
         let rest = sh::num_coeffs(degree) - 1;
         Self {
@@ -207,9 +208,9 @@ impl Recorder {
             // an error of one step to the rounding.
             rotation: Tracks::new(rows, 4, options.tolerance.max(1.5)),
             scale: tracks(rows, 3),
-            opacity: tracks(looks, 1),
-            color: tracks(looks, 3),
-            shading: (rest > 0).then(|| tracks(looks, 3 * rest)),
+            opacity: tracks(appearances, 1),
+            color: tracks(appearances, 3),
+            shading: (rest > 0).then(|| tracks(appearances, 3 * rest)),
             annotations: Vec::new(),
             options: *options,
             origin,
@@ -222,24 +223,24 @@ impl Recorder {
     }
 
     /// Adds a frame of the first scene.
-    fn first(&mut self, groups: &Groups, splats: &Splats, frame: u32) {
-        let twins = groups.twins.iter().map(|pair| pair.0);
+    fn first(&mut self, groups: &RowGroups, splats: &Splats, frame: u32) {
+        let same_motion = groups.same_motion.iter().map(|pair| pair.0);
         let shared = groups.shared.iter().map(|pair| pair.0);
-        for (row, splat) in groups.a.iter().copied().chain(twins).chain(shared).enumerate() {
+        for (row, splat) in groups.a.iter().copied().chain(same_motion).chain(shared).enumerate() {
             self.geometry(row, splats, splat, frame);
-            self.look(row, splats, splat, frame);
+            self.appearance(row, splats, splat, frame);
         }
     }
 
     /// Adds a frame of the second scene: only the rows that the first does not share.
-    fn second(&mut self, groups: &Groups, splats: &Splats, frame: u32) {
-        let [a, twins, shared, _] = groups.counts();
-        for (i, pair) in groups.twins.iter().enumerate() {
-            self.look(a + twins + shared + i, splats, pair.1, frame);
+    fn second(&mut self, groups: &RowGroups, splats: &Splats, frame: u32) {
+        let [a, same_motion, shared, _] = groups.counts();
+        for (i, pair) in groups.same_motion.iter().enumerate() {
+            self.appearance(a + same_motion + shared + i, splats, pair.1, frame);
         }
         for (i, &splat) in groups.b.iter().enumerate() {
-            self.geometry(a + twins + shared + i, splats, splat, frame);
-            self.look(a + 2 * twins + shared + i, splats, splat, frame);
+            self.geometry(a + same_motion + shared + i, splats, splat, frame);
+            self.appearance(a + 2 * same_motion + shared + i, splats, splat, frame);
         }
     }
 
@@ -276,7 +277,7 @@ impl Recorder {
         record(&mut self.scale, row, frame, &scale);
     }
 
-    fn look(&mut self, row: usize, splats: &Splats, splat: usize, frame: u32) {
+    fn appearance(&mut self, row: usize, splats: &Splats, splat: usize, frame: u32) {
         let opacity = gs_core::activation::sigmoid(f64::from(splats.opacity_logits[splat]));
         record(&mut self.opacity, row, frame, &[opacity / self.options.opacity_step]);
         let coeffs = splats.sh_of(splat);
@@ -293,13 +294,13 @@ impl Recorder {
     }
 
     /// Adds the annotations, which do not change over time.
-    fn annotate(&mut self, groups: &Groups, annotations: &Annotations<'_>) {
-        let looks = groups.looks();
+    fn annotate(&mut self, groups: &RowGroups, annotations: &Annotations<'_>) {
+        let appearances = groups.appearances();
         let mut add =
             |name: String, channels: usize, values: &dyn Fn([Option<usize>; 2]) -> [i32; 2]| {
-                let mut tracks = Tracks::new(looks.len(), channels, self.options.tolerance);
-                for (row, look) in looks.iter().enumerate() {
-                    tracks.start(row, &values(*look)[..channels]);
+                let mut tracks = Tracks::new(appearances.len(), channels, self.options.tolerance);
+                for (row, appearance) in appearances.iter().enumerate() {
+                    tracks.start(row, &values(*appearance)[..channels]);
                 }
                 self.annotations.push((name, tracks));
             };
@@ -312,28 +313,28 @@ impl Recorder {
         }
         if annotations.row_numbers {
             let number = |row: Option<usize>| row.and_then(|row| i32::try_from(row).ok());
-            add("row".to_owned(), 2, &|look| look.map(|row| number(row).unwrap_or(-1)));
+            add("row".to_owned(), 2, &|appearance| appearance.map(|row| number(row).unwrap_or(-1)));
         }
     }
 
     /// Sorts the rows and writes all streams. Also counts the geometry rows that move.
     fn finish(
         mut self,
-        groups: &Groups,
+        groups: &RowGroups,
         frames: usize,
         degree: usize,
     ) -> Result<(Vec<u8>, usize), PlayerError> {
         #[expect(clippy::cast_possible_truncation, reason = "at most MAX_FRAMES")]
         let last_frame = (frames - 1) as u32;
         let geometry = [&mut self.position, &mut self.rotation, &mut self.scale];
-        let looks = [Some(&mut self.opacity), Some(&mut self.color), self.shading.as_mut()];
-        for tracks in geometry.into_iter().chain(looks.into_iter().flatten()) {
+        let appearances = [Some(&mut self.opacity), Some(&mut self.color), self.shading.as_mut()];
+        for tracks in geometry.into_iter().chain(appearances.into_iter().flatten()) {
             tracks.finish(last_frame);
         }
         let moves: Vec<bool> = (0..self.permutation_of.len())
             .map(|row| [&self.position, &self.rotation, &self.scale].iter().any(|t| t.moves(row)))
             .collect();
-        let (rows, looks) = order(groups, &self.position.base, &moves);
+        let (rows, appearances) = order(groups, &self.position.base, &moves);
         let options = &self.options;
         let mut streams = Vec::new();
         let mut attributes = Vec::new();
@@ -341,26 +342,26 @@ impl Recorder {
             (Label::of("position", "geometry", 0, self.position_step), &self.position),
             (Label::of("rotation", "geometry", 1, options.rotation_step), &self.rotation),
             (Label::of("scale", "geometry", 0, options.scale_step), &self.scale),
-            (Label::of("opacity", "look", 0, options.opacity_step), &self.opacity),
-            (Label::of("color", "look", 0, options.color_step), &self.color),
+            (Label::of("opacity", "appearance", 0, options.opacity_step), &self.opacity),
+            (Label::of("color", "appearance", 0, options.color_step), &self.color),
         ] {
-            let order = if label.table == "geometry" { &rows } else { &looks };
+            let order = if label.table == "geometry" { &rows } else { &appearances };
             attributes.push(pack::write(label, tracks, order, &mut streams));
         }
         if let Some(shading) = &self.shading {
-            let label = Label::of("shading", "look", 0, options.shading_step);
-            attributes.push(pack::write(label, shading, &looks, &mut streams));
+            let label = Label::of("shading", "appearance", 0, options.shading_step);
+            attributes.push(pack::write(label, shading, &appearances, &mut streams));
         }
         for (name, tracks) in &self.annotations {
             attributes.push(pack::write(
-                Label::of(name, "look", 0, 1.0),
+                Label::of(name, "appearance", 0, 1.0),
                 tracks,
-                &looks,
+                &appearances,
                 &mut streams,
             ));
         }
         let header = serde_json::to_vec(&Header {
-            version: 1,
+            version: 2,
             frames,
             groups: groups.counts(),
             sh_degree: degree,
@@ -397,9 +398,9 @@ fn implied_real(imaginary: [i32; 3], step: f64) -> i32 {
     tracks::round((one * one - rest).max(0.0).sqrt())
 }
 
-/// Order of the geometry rows and of the looks. Within each group, moving rows precede static ones,
-/// so that the player uploads few ranges, and spatial neighbours are adjacent.
-fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec<usize>) {
+/// Order of the geometry rows and of the appearances. Within each group, moving rows precede static
+/// ones, so that the player uploads few ranges, and spatial neighbours are adjacent.
+fn order(groups: &RowGroups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec<usize>) {
     let codes = morton(positions);
     let mut rows: Vec<usize> = Vec::with_capacity(moves.len());
     let mut start = 0;
@@ -409,13 +410,13 @@ fn order(groups: &Groups, positions: &[i32], moves: &[bool]) -> (Vec<usize>, Vec
         rows.extend(group);
         start += count;
     }
-    let [a, twins, shared, _] = groups.counts();
-    let second = a + twins + shared;
-    let mut looks: Vec<usize> = rows[..second].to_vec();
-    // The second looks of the twins, in the order of their geometry, followed by those of `b`.
-    looks.extend(rows[a..a + twins].iter().map(|row| row - a + second));
-    looks.extend(rows[second..].iter().map(|row| row + twins));
-    (rows, looks)
+    let [a, same_motion, shared, _] = groups.counts();
+    let second = a + same_motion + shared;
+    let mut appearances: Vec<usize> = rows[..second].to_vec();
+    // Appearances of `same_motion` in the second scene, in the order of their geometry, then `b`.
+    appearances.extend(rows[a..a + same_motion].iter().map(|row| row - a + second));
+    appearances.extend(rows[second..].iter().map(|row| row + same_motion));
+    (rows, appearances)
 }
 
 /// Positions along the Morton curve of their box (interleaved bits).

@@ -15,10 +15,10 @@
 //! which the page's policy forbids.
 //!
 //! ```
-//! use gs_player::{Options, encode};
+//! use gs_player::{EncodeOptions, encode};
 //!
 //! let scene = gs_synth::demo(&gs_synth::DemoParams { num_splats: 1500, ..Default::default() })?;
-//! let encoded = encode(&scene, None, &[0.0, 0.5, 1.0], &Options::default(), &mut |_, _| {})?;
+//! let encoded = encode(&scene, None, &[0.0, 0.5, 1.0], &EncodeOptions::default(), &mut |_, _| {})?;
 //! assert_eq!(encoded.report.frames, 3);
 //! assert!(encoded.payload.len() < 1500 * 60);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -32,12 +32,12 @@ mod options;
 mod overlay;
 mod pack;
 mod page;
-mod survey;
+mod row_groups;
 mod tracks;
 
 pub use encode::{EncodeReport, Encoded, MAGIC, encode, encode_annotated};
 pub use error::{MAX_FRAMES, PlayerError};
-pub use options::Options;
+pub use options::EncodeOptions;
 pub use overlay::{Annotations, Legend, MAX_ENTRIES, Overlay};
 pub use page::{Page, PageScenes, Poster, page, served_page, source_file};
 

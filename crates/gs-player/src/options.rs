@@ -1,4 +1,4 @@
-//! [`Options`]: precision of the stored scene.
+//! [`EncodeOptions`]: precision of the stored scene.
 
 use crate::PlayerError;
 
@@ -6,7 +6,7 @@ use crate::PlayerError;
 /// stored values. The error of a value is at most half a step for static
 /// splats, and at most `tolerance` steps for moving ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct EncodeOptions {
     /// Stored SH degree, 0 to 3; a scene of lower degree keeps its own. Default
     /// 1: diffuse colour and first-order view dependence. Each further degree
     /// takes about as many bytes as all other static data.
@@ -28,7 +28,7 @@ pub struct Options {
     pub tolerance: f64,
 }
 
-impl Default for Options {
+impl Default for EncodeOptions {
     fn default() -> Self {
         Self {
             sh_degree: 1,
@@ -43,7 +43,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl EncodeOptions {
     /// Verifies the ranges of all options.
     pub(crate) fn check(&self) -> Result<(), PlayerError> {
         let refuse =

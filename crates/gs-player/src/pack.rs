@@ -8,7 +8,7 @@ use serde::Serialize;
 #[derive(Debug, Serialize)]
 pub(crate) struct Entry<'a> {
     pub(crate) name: &'a str,
-    /// Table of the rows: `geometry` or `look`.
+    /// Table of the rows: `geometry` or `appearance`.
     pub(crate) table: &'static str,
     pub(crate) channels: usize,
     /// Channels stored for the first frame; the others are computed from them.
@@ -17,12 +17,12 @@ pub(crate) struct Entry<'a> {
     pub(crate) base_planes: usize,
     /// Whether the first frame is stored as differences to the previous row.
     pub(crate) base_delta: bool,
-    pub(crate) movers: usize,
+    pub(crate) moving_rows: usize,
     pub(crate) gap_bytes: usize,
     pub(crate) knots: usize,
     pub(crate) knot_planes: usize,
-    /// Whether knots are stored as differences to the motion of the previous mover.
-    pub(crate) neighbour: bool,
+    /// Whether knots are stored as differences to the motion of the previous moving row.
+    pub(crate) knot_delta: bool,
 }
 
 /// Name, table and step of an attribute.
@@ -114,17 +114,18 @@ pub(crate) fn write<'a>(
     write_planes(&base, base_channels, base_planes, out);
 
     let spans = spans(tracks);
-    let movers: Vec<usize> = order.iter().copied().filter(|&row| !spans[row].is_empty()).collect();
-    if !movers.is_empty() {
+    let moving_rows: Vec<usize> =
+        order.iter().copied().filter(|&row| !spans[row].is_empty()).collect();
+    if !moving_rows.is_empty() {
         let mut mask = vec![0_u8; order.len().div_ceil(8)];
-        for (place, &row) in order.iter().enumerate() {
-            mask[place / 8] |= u8::from(!spans[row].is_empty()) << (place % 8);
+        for (position, &row) in order.iter().enumerate() {
+            mask[position / 8] |= u8::from(!spans[row].is_empty()) << (position % 8);
         }
         out.extend(mask);
     }
-    let gaps = gaps(tracks, &movers, &spans);
+    let gaps = gaps(tracks, &moving_rows, &spans);
     out.extend(&gaps);
-    let (neighbour, values, knot_planes) = knot_values(tracks, &movers, &spans);
+    let (knot_delta, values, knot_planes) = knot_values(tracks, &moving_rows, &spans);
     write_planes(&values, channels, knot_planes, out);
     Entry {
         name: label.name,
@@ -134,11 +135,11 @@ pub(crate) fn write<'a>(
         step: label.step,
         base_planes,
         base_delta,
-        movers: movers.len(),
+        moving_rows: moving_rows.len(),
         gap_bytes: gaps.len(),
         knots: values.len() / channels,
         knot_planes,
-        neighbour,
+        knot_delta,
     }
 }
 
@@ -155,9 +156,9 @@ fn spans(tracks: &Tracks) -> Vec<std::ops::Range<usize>> {
 }
 
 /// Numbers of frames between knots; 0 ends a row.
-fn gaps(tracks: &Tracks, movers: &[usize], spans: &[std::ops::Range<usize>]) -> Vec<u8> {
+fn gaps(tracks: &Tracks, moving_rows: &[usize], spans: &[std::ops::Range<usize>]) -> Vec<u8> {
     let mut gaps = Vec::new();
-    for &row in movers {
+    for &row in moving_rows {
         let mut frame = 0;
         for knot in &tracks.knots[spans[row].clone()] {
             let gap = u8::try_from(knot.frame - frame);
@@ -170,17 +171,17 @@ fn gaps(tracks: &Tracks, movers: &[usize], spans: &[std::ops::Range<usize>]) -> 
 }
 
 /// Differences between knots, or those minus the differences of the
-/// previous mover (neighbours have similar motion).
+/// previous moving row (neighbours have similar motion).
 fn knot_values(
     tracks: &Tracks,
-    movers: &[usize],
+    moving_rows: &[usize],
     spans: &[std::ops::Range<usize>],
 ) -> (bool, Vec<u32>, usize) {
     let channels = tracks.channels;
     let frames = tracks.knots.iter().map(|knot| knot.frame as usize + 1).max().unwrap_or(0);
     let (mut plain, mut other) = (Vec::new(), Vec::new());
     let (mut before, mut dense) = (vec![0; frames * channels], vec![0; frames * channels]);
-    for &row in movers {
+    for &row in moving_rows {
         let base = &tracks.base[row * channels..][..channels];
         let span = spans[row].clone();
         let knots = &tracks.knots[span.clone()];

@@ -91,10 +91,10 @@ fn cameras_of(
             return Err(Failure::usage("--up applies to the built-in cameras only; the cameras of --cameras have their own poses")
                 .next("Omit one of them."));
         }
-        let stations = cameras::open(file, None, opened, console)?.stations();
+        let distinct_cameras = cameras::open(file, None, opened, console)?.distinct_cameras();
         let cameras = match count {
-            Some(count) => for_pictures(stations, count, args.size),
-            None => stations,
+            Some(count) => for_pictures(distinct_cameras, count, args.size),
+            None => distinct_cameras,
         };
         return Ok((cameras, format!("copied from {}", file.display())));
     }
@@ -103,7 +103,7 @@ fn cameras_of(
     if let Some(count) = count.filter(|_| is_model && args.up.is_none())
         && let Ok(set) = cameras::open(&args.scene, None, opened, console)
     {
-        let cameras = for_pictures(set.stations(), count, args.size);
+        let cameras = for_pictures(set.distinct_cameras(), count, args.size);
         if !cameras.is_empty() {
             return Ok((cameras, "the scene's own".to_owned()));
         }
@@ -123,8 +123,8 @@ fn cameras_of(
 }
 
 /// At most `count` of the cameras, evenly spaced, at the requested size, with valid file names.
-fn for_pictures(stations: Vec<Camera>, count: usize, size: Option<(u32, u32)>) -> Vec<Camera> {
-    let mut cameras = cameras::thinned(stations, count);
+fn for_pictures(from: Vec<Camera>, count: usize, size: Option<(u32, u32)>) -> Vec<Camera> {
+    let mut cameras = cameras::thinned(from, count);
     let mut names = HashSet::new();
     for (i, camera) in cameras.iter_mut().enumerate() {
         if let Some((width, height)) = size {

@@ -230,7 +230,7 @@ fn camera_set(path: &Path) -> Outcome<InfoReport> {
         report.add("data set", json!(set.path.display().to_string()));
     }
     report.add("views", json!(set.views.len()));
-    report.add("cameras", json!(set.stations().len()));
+    report.add("cameras", json!(set.distinct_cameras().len()));
     for (name, split) in [("train", Split::Train), ("test", Split::Test), ("val", Split::Val)] {
         let count = set.split(split).count();
         if count > 0 {

@@ -7,7 +7,7 @@ use crate::failure::{Failure, Outcome};
 use crate::scene::LoadedScene;
 use crate::{cameras, frames, placement};
 use gs_core::Camera;
-use gs_io::cameras::stations;
+use gs_io::cameras::distinct_cameras;
 use std::path::{Path, PathBuf};
 
 /// Number of views of the rig.
@@ -93,7 +93,7 @@ pub(crate) fn viewpoints(
     if let Some((width, height)) = flags.size {
         timed_cameras = timed_cameras.iter().map(|camera| camera.resized(width, height)).collect();
     }
-    let mut views = stations(timed_cameras.iter());
+    let mut views = distinct_cameras(timed_cameras.iter());
     let count = views.len();
     if flags.views.is_empty() && flags.split.is_none() && count > MAX_VIEWS {
         views = cameras::thinned(views, MAX_VIEWS);

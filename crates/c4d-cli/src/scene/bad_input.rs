@@ -17,9 +17,9 @@ const FRAMES: &str = "Formats are recognised by content, not by file name. Expor
 const FRAME_AGAIN: &str = "Copy the file again, or export the splats again as a 3DGS PLY.";
 
 /// First words of next steps in messages of readers, after a semicolon.
-const STEPS: [&str; 14] = [
-    "choose", "convert", "copy", "export", "fetch", "give", "make", "pass", "put", "save",
-    "specify", "train", "use", "write",
+const STEPS: [&str; 12] = [
+    "choose", "convert", "copy", "export", "fetch", "make", "pass", "put", "save", "train", "use",
+    "write",
 ];
 
 /// Splits a message into what happened and the next step, if it ends with one.

@@ -125,7 +125,7 @@ fn info_names_formats_that_are_only_written() {
     success(render.arg("-o").arg(&images));
     let (out, _) = success(c4d(["info"]).arg(&images));
     assert!(out.contains("depth: 2 files, each an OpenEXR image"), "{out}");
-    assert!(out.contains("next") && out.contains("give the scene"), "{out}");
+    assert!(out.contains("next") && out.contains("use the scene"), "{out}");
     let (out, _) = success(c4d(["info"]).arg(images.join("rgb")));
     assert!(out.contains("2 files, each an OpenEXR image"), "{out}");
     let field = fixture("swift4d/model/point_cloud/iteration_13000/FDHash.pth");

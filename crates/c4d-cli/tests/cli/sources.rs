@@ -111,7 +111,7 @@ fn unedited_splats_move_bit_for_bit_like_the_source() {
 fn flags_are_checked() {
     let model = fixture("bases/fudan4dgs/shfs4d/model");
     let stderr = failure(&mut c4d(["info", path(&model)]), 3);
-    assert!(stderr.contains("Give --set time_duration=START,END"), "{stderr}");
+    assert!(stderr.contains("Pass --set time_duration=START,END"), "{stderr}");
     for wrong in ["time_duration=10", "time_duration=10,0", "time_duration=a,b", "grid_pe=2"] {
         let stderr = failure(&mut c4d(["info", path(&model), "--set", wrong]), 2);
         assert!(stderr.contains("time_duration=START,END"), "{wrong}: {stderr}");

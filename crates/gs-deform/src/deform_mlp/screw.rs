@@ -16,8 +16,8 @@ pub(super) fn moved(x: [f32; 3], twist: [f32; 6]) -> [f32; 3] {
     } else {
         let (axis, moment) = (w / angle + OFFSET, v / angle + OFFSET);
         let (sine, cosine) = angle.sin_cos();
-        let (turned, shifted) = (axis.cross(x), axis.cross(moment));
-        let rotated = x + sine * turned + (1.0 - cosine) * axis.cross(turned);
+        let (perpendicular, shifted) = (axis.cross(x), axis.cross(moment));
+        let rotated = x + sine * perpendicular + (1.0 - cosine) * axis.cross(perpendicular);
         let translation =
             angle * moment + (1.0 - cosine) * shifted + (angle - sine) * axis.cross(shifted);
         rotated + translation
@@ -34,10 +34,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quarter_turn_and_limit() {
-        let turned = moved([1.0, 0.0, 0.0], [0.0, 0.0, std::f32::consts::FRAC_PI_2, 0.0, 0.0, 0.0]);
-        for (found, expected) in turned.into_iter().zip([0.0, 1.0, 0.0]) {
-            assert!((found - expected).abs() < 1e-4, "{turned:?}");
+    fn quarter_rotation_and_translation() {
+        let rotated =
+            moved([1.0, 0.0, 0.0], [0.0, 0.0, std::f32::consts::FRAC_PI_2, 0.0, 0.0, 0.0]);
+        for (found, expected) in rotated.into_iter().zip([0.0, 1.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-4, "{rotated:?}");
         }
         assert_eq!(moved([1.0; 3], [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]), [2.0, 3.0, 4.0], "no rotation");
     }

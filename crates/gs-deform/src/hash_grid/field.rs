@@ -18,7 +18,7 @@ impl FieldBox {
     /// Verifies that no edge is empty or infinite.
     ///
     /// # Errors
-    /// Gives both corners.
+    /// The message contains both corners.
     pub fn check(&self) -> Result<(), FieldError> {
         let proper = (0..3).all(|axis| {
             let edge = self.max[axis] - self.min[axis];

@@ -128,7 +128,7 @@ impl HashGrid {
         Ok(Self { shape, levels: shape.levels(rule), table })
     }
 
-    /// The same table with another index rule.
+    /// The same table with a different index rule.
     #[must_use]
     pub fn with_rule(self, rule: IndexRule) -> Self {
         Self { levels: self.shape.levels(rule), ..self }

@@ -7,7 +7,7 @@
 pub enum IndexRule {
     /// tiny-cuda-nn from 24 June 2025 on: every level that does not fit is hashed.
     Current,
-    /// tiny-cuda-nn before that date: hashing is decided by a running stride that wraps at 2³², so
+    /// tiny-cuda-nn before that date: hashing depends on a running stride that wraps at 2³², so
     /// the finest levels may use only x and y.
     Older,
 }

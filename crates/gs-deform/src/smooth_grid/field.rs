@@ -52,7 +52,7 @@ pub struct SmoothGridField {
     trunk: Packed,
     hidden: Vec<Packed>,
     warp: Packed,
-    pub(super) turns: bool,
+    pub(super) rotates: bool,
     rotation: Packed,
     scaling: Packed,
     width: usize,
@@ -93,8 +93,8 @@ impl SmoothGridField {
             layer.check(&format!("grid_mlp.{}", 2 * index), inputs, None)?;
             inputs = layer.num_outputs();
         }
-        let turns = warp.num_outputs() == 7;
-        warp.check("gaussian_warp", inputs, Some(if turns { 7 } else { 3 }))?;
+        let rotates = warp.num_outputs() == 7;
+        warp.check("gaussian_warp", inputs, Some(if rotates { 7 } else { 3 }))?;
         network.rotation.check("gaussian_rotation", inputs, Some(4))?;
         network.scaling.check("gaussian_scaling", inputs, Some(3))?;
         Ok(Self {
@@ -105,7 +105,7 @@ impl SmoothGridField {
             trunk: Packed::new(&trunk),
             hidden: hidden.iter().map(Packed::new).collect(),
             warp: Packed::new(&warp),
-            turns,
+            rotates,
             rotation: Packed::new(&network.rotation),
             scaling: Packed::new(&network.scaling),
             width,
@@ -222,7 +222,7 @@ impl WithSimd for Evaluate<'_> {
             std::mem::swap(a, b);
         }
         field.warp.apply(simd, a, out, Activation::None);
-        let outputs = if field.turns { 7 } else { 3 };
+        let outputs = if field.rotates { 7 } else { 3 };
         for (i, row) in warp.iter_mut().enumerate() {
             for (k, value) in row[..outputs].iter_mut().enumerate() {
                 *value = out[k * PANEL + i];

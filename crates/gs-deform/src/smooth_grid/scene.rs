@@ -60,10 +60,10 @@ impl GeometryField for MovingRows {
         for (index, &row) in self.rows.iter().enumerate() {
             let warp = outputs.warp[index];
             let x = self.points[index];
-            shapes.means[row] = if self.field.turns {
-                let turn = quat::normalize([warp[0] + 1.0, warp[1], warp[2], warp[3]]);
-                let turned = quat::rotate(turn, x);
-                [turned[0] + warp[4], turned[1] + warp[5], turned[2] + warp[6]]
+            shapes.means[row] = if self.field.rotates {
+                let rotation = quat::normalize([warp[0] + 1.0, warp[1], warp[2], warp[3]]);
+                let rotated = quat::rotate(rotation, x);
+                [rotated[0] + warp[4], rotated[1] + warp[5], rotated[2] + warp[6]]
             } else {
                 [x[0] + warp[0], x[1] + warp[1], x[2] + warp[2]]
             };

@@ -65,7 +65,7 @@ mod tests {
     use std::io::Write;
 
     #[test]
-    fn bombs_are_refused() {
+    fn decompression_bombs_are_refused() {
         let zeros = vec![0; usize::try_from(FREE).unwrap() + (1 << 20)];
         let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
         gzip.write_all(&zeros).unwrap();

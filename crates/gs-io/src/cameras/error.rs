@@ -28,13 +28,13 @@ pub enum CamerasError {
     Empty,
     /// The bytes end early, or a count exceeds the bytes left.
     #[error(
-        "{at}: needs {needed} bytes, {left} are left; the file is truncated or of another \
+        "{at}: needs {needed} bytes, {left} are left; the file is truncated or of a different \
             kind"
     )]
     Truncated {
         /// Item being read.
         at: String,
-        /// Bytes it needs at least.
+        /// Minimum number of bytes it needs.
         needed: u64,
         /// Bytes that are left.
         left: usize,
@@ -42,7 +42,7 @@ pub enum CamerasError {
     /// An invalid value.
     #[error("{at}: expected {expected}, found {found}")]
     Malformed {
-        /// Place in the file.
+        /// Position in the file.
         at: String,
         /// Expected value.
         expected: String,
@@ -52,8 +52,8 @@ pub enum CamerasError {
     /// A lens model that a pinhole camera does not approximate.
     #[error(
         "camera {camera} has the unsupported lens model {model}; expected a pinhole camera with \
-        moderate distortion: undistort the images (colmap image_undistorter) and give the model \
-        that this writes"
+        moderate distortion: undistort the images (colmap image_undistorter) and use the model \
+        that this command writes"
     )]
     Lens {
         /// Name of the camera.
@@ -64,7 +64,7 @@ pub enum CamerasError {
 }
 
 impl CamerasError {
-    #[expect(clippy::needless_pass_by_value, reason = "numbers and texts alike are given")]
+    #[expect(clippy::needless_pass_by_value, reason = "callers pass numbers and texts")]
     pub(crate) fn malformed(
         at: impl Into<String>,
         expected: impl Into<String>,

@@ -48,7 +48,7 @@ impl Lens {
         longest
     }
 
-    /// The same lens for images of another size.
+    /// The same lens for images of a different size.
     pub(crate) fn resized(&self, width: f64, height: f64) -> Self {
         let (sx, sy) = (width / self.width, height / self.height);
         let k = self.intrinsics;

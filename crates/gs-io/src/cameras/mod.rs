@@ -28,7 +28,7 @@ pub mod transforms;
 pub use error::CamerasError;
 pub use format::Format;
 pub(crate) use set::Unusable;
-pub use set::{CameraSet, Reading, Split, View, stations};
+pub use set::{CameraSet, Reading, Split, View, distinct_cameras};
 pub(crate) use source::data_set;
 pub use source::{CameraFiles, find};
 

@@ -1,7 +1,7 @@
 //! Nerfies, HyperNeRF and DyCheck folders: `dataset.json`,
 //! `metadata.json`, `scene.json`, and one file per camera.
 //!
-//! Both readings stay in the raw coordinates of the camera files: `scene.json`'s
+//! Both readings use the raw coordinates of the camera files: `scene.json`'s
 //! scale and centre are not applied, as in training. Trained reading: images of half
 //! size, each camera's focal length with the first camera's image size, centred
 //! principal point. Times are `warp_id` over its maximum.

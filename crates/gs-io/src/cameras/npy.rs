@@ -3,7 +3,7 @@
 
 use super::CamerasError;
 use crate::cfg_args::{self, Value};
-use crate::content::marks::NPY;
+use crate::content::magic::NPY;
 
 /// Longest header accepted, bytes; NumPy writes 118.
 const MAX_HEADER: usize = 1024;
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn both_orders() {
+    fn row_and_column_major_arrays_are_read() {
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         let c = rows(&npy(&header("<f8", "False", "(2, 3)"), &values), 3).unwrap();
         assert_eq!(c, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "rows");

@@ -27,7 +27,7 @@ pub(super) fn on_sphere(azimuth_rad: f64, elevation_rad: f64, radius: f64) -> [[
     flipped.map(|[x, y, z]| [x, y, z, radius * z])
 }
 
-/// World-to-camera matrices on two turns of a spiral about the average of the poses, focused inside
+/// World-to-camera matrices on two revolutions of a spiral about the average of the poses, focused inside
 /// their depth range.
 pub(super) fn spiral(rows: &[Row]) -> Vec<Viewmat> {
     let count = rows.len().max(1) as f64;
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_turn_looks_at_the_origin_from_above() {
+    fn cameras_of_the_circle_look_at_the_origin_from_above() {
         for azimuth in [0.0, 1.0, 3.0] {
             let viewmat = pose::from_opengl(&on_sphere(azimuth, -30.0_f64.to_radians(), 4.0));
             let at = |p: [f64; 3]| {

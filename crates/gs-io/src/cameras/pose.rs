@@ -1,4 +1,4 @@
-//! Camera poses of the formats, turned into world-to-camera matrices with OpenCV's axes (x right, y
+//! Camera poses of the formats, converted to world-to-camera matrices with OpenCV's axes (x right, y
 //! down, z forward).
 
 use glam::{DMat3, DVec3};
@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn quaternions_are_wxyz_and_world_to_camera() {
         let half = 0.5_f64.sqrt();
-        // A quarter turn about z maps the world's x to the camera's y.
+        // A quarter rotation about z maps the world's x to the camera's y.
         let v = from_quaternion([half, 0.0, 0.0, half], [0.0, 0.0, 5.0]).unwrap();
         assert!(close(at(&v, [1.0, 0.0, 0.0]), [0.0, 1.0, 5.0]), "{v:?}");
         let long = from_quaternion([3.0 * half, 0.0, 0.0, 3.0 * half], [0.0, 0.0, 5.0]).unwrap();

@@ -99,7 +99,7 @@ pub(super) fn open_multi_view(root: &Path, reading: Reading) -> Result<CameraSet
     }
     if counts.iter().all(|count| *count == 0) {
         notes.push(
-            "no frames beside the poses (cam01/frame_00001.jpg): the cameras have no times"
+            "no frames next to the poses (cam01/frame_00001.jpg): the cameras have no times"
                 .to_owned(),
         );
     } else if counts.iter().any(|other| *other != count) {

@@ -74,8 +74,8 @@ impl CameraSet {
 
     /// The distinct cameras: views that differ only in time are merged into one without a time,
     /// named by the common part of their names.
-    pub fn stations(&self) -> Vec<Camera> {
-        stations(self.views.iter().map(|view| &view.camera))
+    pub fn distinct_cameras(&self) -> Vec<Camera> {
+        distinct_cameras(self.views.iter().map(|view| &view.camera))
     }
 
     /// Distinct times, ascending; empty if the data set has none.
@@ -152,8 +152,8 @@ pub(super) fn check_all<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Result
     cameras.enumerate().try_for_each(|(index, camera)| check(index, camera))
 }
 
-/// Distinct cameras in order of appearance; see [`CameraSet::stations`].
-pub fn stations<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Vec<Camera> {
+/// Distinct cameras in order of appearance; see [`CameraSet::distinct_cameras`].
+pub fn distinct_cameras<'a>(cameras: impl Iterator<Item = &'a Camera>) -> Vec<Camera> {
     let mut found: Vec<Camera> = Vec::new();
     let mut by_pose: HashMap<[u64; 3], Vec<usize>> = HashMap::new();
     for camera in cameras {
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn views_of_one_camera_are_one_station() {
+    fn views_of_one_camera_are_merged() {
         let seen = |x: f64, name: &str, time: f32| {
             let mut camera =
                 Camera::look_at([x, 0.0, -4.0], [0.0; 3], [0.0, 1.0, 0.0], 0.8, 64, 48);
@@ -195,7 +195,7 @@ mod tests {
             seen(0.0, "cam00/0001", 0.5),
             seen(2.0, "alone/0007", 0.7),
         ];
-        let found = stations(cameras.iter());
+        let found = distinct_cameras(cameras.iter());
         let names: Vec<&str> = found.iter().map(|camera| camera.name.as_str()).collect();
         assert_eq!(names, ["cam00", "cam01/0000", "alone/0007"], "shared part of the name");
         assert!(found.iter().all(|camera| camera.time.is_none()), "they have no time");

@@ -193,7 +193,7 @@ fn of_model(model: &Path) -> Result<Option<CameraFiles>, IoError> {
         model,
         format!(
             "is a model without cameras: its cfg_args names the data set `{named}`, which does \
-            not exist; give the data set's folder or a cameras.json"
+            not exist; use the data set's folder or a cameras.json"
         ),
     ))
 }

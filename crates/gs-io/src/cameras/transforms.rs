@@ -49,7 +49,7 @@ struct Optics {
 }
 
 #[derive(Debug, Deserialize)]
-struct Frame {
+struct TransformsFrame {
     file_path: String,
     time: Option<f64>,
     transform_matrix: Vec<Vec<Number>>,
@@ -62,7 +62,7 @@ struct Frame {
 pub struct Transforms {
     #[serde(flatten)]
     optics: Optics,
-    frames: Vec<Frame>,
+    frames: Vec<TransformsFrame>,
 }
 
 /// Parses a `transforms` file. Poses are checked when cameras are built from them.
@@ -177,7 +177,7 @@ impl Context {
     fn stored_lens(
         &mut self,
         file: &Transforms,
-        frame: &Frame,
+        frame: &TransformsFrame,
         root: Option<&Path>,
     ) -> Result<Lens, Missing> {
         let (own, shared) = (&frame.optics, &file.optics);
@@ -299,7 +299,7 @@ pub(super) fn open(
     let first_file = files.first().map_or(FILES[0].0, |(name, ..)| name.as_str());
     notes.extend(unusable.note(views.len()).map_err(IoError::format(&root.join(first_file)))?);
     let video = match files.iter().find(|(.., split)| *split == Split::Train) {
-        Some((_, file, _)) => file.fov_x_rad().map(turn).unwrap_or_default(),
+        Some((_, file, _)) => file.fov_x_rad().map(circle).unwrap_or_default(),
         None => Vec::new(),
     };
     notes.extend(context.notes());
@@ -310,7 +310,7 @@ pub(super) fn open(
 }
 
 /// The reference's 160 views on a circle around the origin, at 30° of elevation and radius 4.
-fn turn(fov_x_rad: f64) -> Vec<Camera> {
+fn circle(fov_x_rad: f64) -> Vec<Camera> {
     const FRAMES: usize = 160;
     let focal = TRAINED_SIDE / (2.0 * (fov_x_rad / 2.0).tan());
     (0..FRAMES)

@@ -348,7 +348,7 @@ mod tests {
     /// Fields as written by forks and on Windows, inserted before and after fields that must be
     /// parsed, with their expected values.
     #[test]
-    fn a_field_of_any_type_is_skipped_alone() {
+    fn an_unparsable_field_does_not_affect_others() {
         for (field, read) in [
             (r"model_dir=WindowsPath('C:/out/x')", true),
             (r"extra='C:\\Users\\me\\new run\\'", true),
@@ -387,7 +387,7 @@ mod tests {
             let text = format!("Namespace(first=1, {field}, last=[2, 3], net_width=64)");
             let cfg = parse(&text).unwrap();
             assert_eq!(cfg.get("first"), Some(&Value::Int(1)), "{field}: before");
-            assert_eq!(cfg.get("net_width"), Some(&Value::Int(64)), "{field}: behind");
+            assert_eq!(cfg.get("net_width"), Some(&Value::Int(64)), "{field}: after");
             assert!(
                 matches!(cfg.get("last"), Some(Value::List(list)) if list.len() == 2),
                 "{field}"
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn other_texts_are_refused() {
+    fn malformed_texts_are_refused() {
         for text in ["", "{'a': 1}", "a=1", "namespace(a=1)", "<!doctype html>"] {
             assert!(parse(text).is_err(), "{text}");
         }

@@ -2,14 +2,14 @@
 
 use super::flags::Flags;
 use super::network::Tensors;
-use super::shape::Shape;
+use super::network_shape::NetworkShape;
 use crate::model_folder::{ModelReport, Origin};
 use gs_deform::Component;
 
 /// Adds a description of the network to `report`.
 pub(super) fn describe(
     report: &mut ModelReport,
-    shape: &Shape,
+    shape: &NetworkShape,
     flags: &Flags,
     tensors: &Tensors<'_>,
 ) {
@@ -33,7 +33,7 @@ pub(super) fn describe(
         if in_use {
             report.heads.push(name);
         }
-        let decided_by_user = report
+        let set_by_user = report
             .flags
             .get(component as usize)
             .is_some_and(|flag| flag.origin == Origin::Override);
@@ -46,7 +46,7 @@ pub(super) fn describe(
                     ));
                 }
             }
-            Some(false) if !in_use && !decided_by_user && shape.has_sh_head => report.warnings.push(format!(
+            Some(false) if !in_use && !set_by_user && shape.has_sh_head => report.warnings.push(format!(
                 "head {name} is switched off but its weights look trained; if the scene looks wrong, switch it on"
             )),
             _ => {}

@@ -12,7 +12,7 @@ pub enum Checkpoint4dgsError {
     /// The flags of the training run are unknown, contradict the network, or cannot be evaluated.
     #[error("{0}")]
     Flags(String),
-    /// The table of moving splats has another length than the PLY.
+    /// The table of moving splats has a different length than the PLY.
     #[error("has {found} entries, but point_cloud.ply has {rows} rows")]
     Table {
         /// Its length.

@@ -1,6 +1,6 @@
 //! Flags of a 4DGaussians training run, determined by the network, `cfg_args` or the user.
 
-use super::shape::Shape;
+use super::network_shape::NetworkShape;
 use crate::cfg_args::{CfgArgs, Value};
 use crate::model_folder::{FlagReport, ModelReport, Origin, Overrides};
 
@@ -19,7 +19,7 @@ const NO_FLAGS: [&str; 5] = ["no_dx", "no_ds", "no_dr", "no_do", "no_dshs"];
 const NO_DEFAULTS: [bool; 5] = [false, false, false, true, true];
 
 /// A configuration family, by the shape of the network: whether opacity and SH are deformed.
-fn family(shape: &Shape) -> Option<(&'static str, bool)> {
+fn family(shape: &NetworkShape) -> Option<(&'static str, bool)> {
     match (shape.width, shape.channels, shape.levels) {
         (128, 16, 2) => Some(("dynerf or multipleview", true)),
         (128, 16, 3) => Some(("hypernerf or dycheck", false)),
@@ -30,8 +30,8 @@ fn family(shape: &Shape) -> Option<(&'static str, bool)> {
 }
 
 /// Resolves all flags and reports them.
-pub(super) fn decide(
-    shape: &Shape,
+pub(super) fn resolve(
+    shape: &NetworkShape,
     cfg: Option<&CfgArgs>,
     overrides: &Overrides,
     report: &mut ModelReport,
@@ -72,13 +72,13 @@ pub(super) fn decide(
     };
     let value = apply_rotation.to_string();
     report.flags.push(FlagReport { name: "apply_rotation", value, origin });
-    let grid_pe = decide_grid_pe(shape, cfg, overrides, report)?;
+    let grid_pe = resolve_grid_pe(shape, cfg, overrides, report)?;
     check_against_cfg(shape, cfg, report)?;
     Ok(Flags { deform, apply_rotation, grid_pe })
 }
 
-fn decide_grid_pe(
-    shape: &Shape,
+fn resolve_grid_pe(
+    shape: &NetworkShape,
     cfg: Option<&CfgArgs>,
     overrides: &Overrides,
     report: &mut ModelReport,
@@ -94,7 +94,7 @@ fn decide_grid_pe(
         (true, None, None) => {
             return Err(
                 "its trunk expects encoded features, but their frequency is not recorded; \
-                       give grid_pe (2 or more, as in training)"
+                       set grid_pe (2 or more, as in training)"
                     .to_owned(),
             );
         }
@@ -117,7 +117,7 @@ fn decide_grid_pe(
 /// Tensors take precedence over `cfg_args`; a contradiction means
 /// that the files are from different runs.
 fn check_against_cfg(
-    shape: &Shape,
+    shape: &NetworkShape,
     cfg: Option<&CfgArgs>,
     report: &mut ModelReport,
 ) -> Result<(), String> {
@@ -143,7 +143,7 @@ fn check_against_cfg(
         if let Some(stated) = stated.filter(|&stated| stated != found as u64) {
             report.warnings.push(format!(
                 "cfg_args has {name} {stated}, the network has {found}: cfg_args may belong to \
-                another run, check the flags"
+                a different run, check the flags"
             ));
         }
     }

@@ -8,8 +8,8 @@ mod describe;
 mod error;
 mod flags;
 mod network;
+mod network_shape;
 mod read;
-mod shape;
 mod write;
 
 pub use error::Checkpoint4dgsError;

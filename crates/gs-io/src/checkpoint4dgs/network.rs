@@ -1,7 +1,7 @@
 //! Builds a deformation network from named tensors.
 
 use super::flags::Flags;
-use super::shape::Shape;
+use super::network_shape::NetworkShape;
 use crate::pth::{self, Tensor};
 use gs_deform::{
     Component, EmptyVoxel, Head, Heads, HexPlane, HexPlaneNetwork, Linear, Mask, Plane,
@@ -21,7 +21,7 @@ impl<'a> Tensors<'a> {
     /// last of equal names is used, as in Python.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Self {
         let known = [format!("{PREFIX}grid.aabb")];
-        let tensors = pth::beside(tensors, &[&known[0]]);
+        let tensors = pth::siblings_of(tensors, &[&known[0]]);
         Self { by_name: tensors.into_iter().collect() }
     }
 
@@ -44,7 +44,7 @@ impl<'a> Tensors<'a> {
     }
 
     /// Infers the shape of the network from the tensors.
-    pub(super) fn shape(&self) -> Result<Shape, String> {
+    pub(super) fn shape(&self) -> Result<NetworkShape, String> {
         if !(self.has("grid.aabb") && self.has("grid.grids.0.0")) {
             let names: Vec<&str> = self.by_name.keys().map(String::as_str).take(4).collect();
             return Err(format!(
@@ -74,7 +74,7 @@ impl<'a> Tensors<'a> {
             return Err("was trained with no_grid, which the reference implementation cannot evaluate either".to_owned());
         }
         let last = self.need(&format!("feature_out.{}.weight", 2 * (depth - 1)))?;
-        Ok(Shape {
+        Ok(NetworkShape {
             width: last.shape().first().copied().unwrap_or(0),
             channels,
             levels,
@@ -88,7 +88,11 @@ impl<'a> Tensors<'a> {
     }
 
     /// The network with the heads enabled by the flags.
-    pub(super) fn network(&self, shape: &Shape, flags: &Flags) -> Result<HexPlaneNetwork, String> {
+    pub(super) fn network(
+        &self,
+        shape: &NetworkShape,
+        flags: &Flags,
+    ) -> Result<HexPlaneNetwork, String> {
         let mut heads = Heads::default();
         for component in Component::ALL {
             if !flags.deform[component as usize] {
@@ -127,7 +131,7 @@ impl<'a> Tensors<'a> {
         })
     }
 
-    fn planes(&self, shape: &Shape) -> Result<HexPlane, String> {
+    fn planes(&self, shape: &NetworkShape) -> Result<HexPlane, String> {
         let aabb = self.need("grid.aabb")?;
         let corners = aabb.to_f32s();
         if aabb.shape() != [2, 3] {

@@ -57,7 +57,7 @@ fn read_field(
     if !path.is_file() {
         return Err(IoError::content(
             &path,
-            "is missing, so the model cannot move; copy it from the machine that trained the model, or choose another iteration with `--iteration`",
+            "is missing, so the model cannot move; copy it from the machine that trained the model, or choose a different iteration with `--iteration`",
         ));
     }
     let bytes = read_bytes(&path)?;
@@ -66,7 +66,7 @@ fn read_field(
     let tensors = network::Tensors::new(tensors);
     let shape =
         tensors.shape().map_err(Checkpoint4dgsError::Network).map_err(IoError::format(&path))?;
-    let flags = flags::decide(&shape, cfg, overrides, report)
+    let flags = flags::resolve(&shape, cfg, overrides, report)
         .map_err(Checkpoint4dgsError::Flags)
         .map_err(IoError::format(&path))?;
     describe::describe(report, &shape, &flags, &tensors);

@@ -14,9 +14,7 @@ pub enum CompressedPlyError {
     #[error("damaged compressed PLY: {0}")]
     Damaged(String),
     /// No rows.
-    #[error(
-        "the compressed PLY contains no Gaussians; export it again without removing everything"
-    )]
+    #[error("the compressed PLY contains no Gaussians; export it again with at least one splat")]
     Empty,
 }
 

@@ -46,7 +46,7 @@ pub(crate) fn shape(header: &Header) -> Result<Shape, CompressedPlyError> {
 /// Reads a compressed PLY, with or without colour ranges and SH.
 ///
 /// # Errors
-/// If it is another format, text, truncated, or lacks a column.
+/// If it is a different format, text, truncated, or lacks a column.
 pub fn read(bytes: &[u8]) -> Result<Frame, CompressedPlyError> {
     let header = Header::parse(bytes)?;
     if header.encoding == Encoding::Ascii {

@@ -3,7 +3,7 @@
 use super::layout::{BITS, CHUNK, COLUMNS, MAX_LOG_SCALE, MAX_SH, WORDS};
 use super::pack::{from_harmonic, harmonic, rotation, top, vector};
 use crate::bytes8::{channel_of, unorm8};
-use crate::losses::Losses;
+use crate::format_losses::FormatLosses;
 use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ pub struct WriteOptions {
 }
 
 /// The highest SH degree with a coefficient that reaches half a quantisation step (1/64) in some
-/// splat. Above it, the format would turn zeros into ±1/64, because it cannot store 0.
+/// splat. Above it, the format would change zeros to ±1/64, because it cannot store 0.
 pub fn kept_degree(splats: &Splats) -> usize {
     let coeffs = splats.sh_coeffs();
     let reaches = |rgb: &[f32; 3]| rgb.iter().any(|value| value.abs() >= MAX_SH / 256.0);
@@ -71,7 +71,11 @@ pub fn morton_order(splats: &Splats) -> Vec<usize> {
 /// # Errors
 /// If the arrays of `splats` have inconsistent lengths or `order` contains rows out of range
 /// ([`io::ErrorKind::InvalidInput`]), or writing fails.
-pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
+pub fn write(
+    splats: &Splats,
+    options: &WriteOptions,
+    out: &mut impl Write,
+) -> io::Result<FormatLosses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;
     let order: Vec<usize> = options.order.clone().unwrap_or_else(|| (0..splats.len()).collect());
@@ -204,8 +208,8 @@ fn sh_error(splats: &Splats, degree: usize) -> ShError {
     error
 }
 
-fn losses(splats: &Splats, degree: usize, chosen: bool, chunks: &[Chunk]) -> Losses {
-    let mut losses = Losses::none();
+fn losses(splats: &Splats, degree: usize, chosen: bool, chunks: &[Chunk]) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     if degree < splats.sh_degree {
         losses.push(format!(
             "SH degree {} becomes {degree}{}",

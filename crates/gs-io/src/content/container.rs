@@ -1,6 +1,6 @@
 //! Detects the container format of bytes by content.
 
-use super::marks::{BYTE_ORDER_MARK, GLB, GZIP, SPZ, ZIP};
+use super::magic::{BYTE_ORDER_MARK, GLB, GZIP, SPZ, ZIP};
 use super::splat_rows;
 use super::unsupported::UnsupportedFormat;
 use crate::archive::decompress;

@@ -1,7 +1,7 @@
-//! [`FileContent`]: kinds of files, for deciding whether one may be replaced.
+//! [`FileContent`]: kinds of files, which determine whether one may be replaced.
 
 use super::container::{Container, container};
-use super::marks::{FOURDGS, GLB, NPY, SPLAT4D, SPLATV};
+use super::magic::{FOURDGS, GLB, NPY, SPLAT4D, SPLATV};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};

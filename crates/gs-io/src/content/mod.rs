@@ -2,7 +2,7 @@
 
 mod container;
 mod file_content;
-pub(crate) mod marks;
+pub(crate) mod magic;
 pub(crate) mod splat_rows;
 mod unsupported;
 

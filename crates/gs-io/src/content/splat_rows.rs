@@ -12,9 +12,9 @@ pub(crate) fn looks_like(bytes: &[u8]) -> bool {
     let rows = bytes.as_chunks::<ROW>().0;
     let step = rows.len().div_ceil(SAMPLE).max(1);
     let sample = rows.iter().step_by(step);
-    let (seen, sound) =
-        sample.fold((0, 0), |(seen, sound), row| (seen + 1, sound + usize::from(plausible(row))));
-    seen > 0 && sound * 10 >= seen * 9
+    let (seen, valid) =
+        sample.fold((0, 0), |(seen, valid), row| (seen + 1, valid + usize::from(plausible(row))));
+    seen > 0 && valid * 10 >= seen * 9
 }
 
 pub(crate) fn float(row: &[u8; ROW], at: usize) -> f32 {
@@ -26,8 +26,8 @@ pub(crate) fn rotation(row: &[u8; ROW]) -> [f32; 4] {
 }
 
 fn plausible(row: &[u8; ROW]) -> bool {
-    let place = (0..3).all(|axis| float(row, 4 * axis).abs() < 1e7);
+    let position = (0..3).all(|axis| float(row, 4 * axis).abs() < 1e7);
     let size = (3..6).all(|axis| (0.0..1e5).contains(&float(row, 4 * axis)));
     let q = rotation(row);
-    place && size && (0.9..1.1).contains(&quat::dot(q, q))
+    position && size && (0.9..1.1).contains(&quat::dot(q, q))
 }

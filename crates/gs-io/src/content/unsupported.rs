@@ -15,13 +15,13 @@ pub struct UnsupportedFormat {
 /// For files that `c4d` writes and does not read.
 const END: &str = "It cannot be read back: keep the scene or run from which it was made for further edits and \
     exports.";
-const PICTURE: &str = "c4d does not read images: give the scene instead.";
-const USD: &str = "Export the splats as PLY from the program that made it, or give the scene from \
+const PICTURE: &str = "c4d does not read images: use the scene instead.";
+const USD: &str = "Export the splats as PLY from the program that made it, or use the scene from \
                   which it was made.";
 const TORCH: &str =
-    "It is part of a model: give the model's folder, which contains point_cloud/iteration_N.";
+    "It is part of a model: use the model's folder, which contains point_cloud/iteration_N.";
 
-const UNPACK: &str = "Unpack it and give what is inside.";
+const UNPACK: &str = "Unpack it and use the contents.";
 
 const KNOWN: [UnsupportedFormat; 22] = [
     known(0, b"Kg\0\0", "a .splatv clip", "Copy it again: it should be readable as a scene."),
@@ -47,10 +47,10 @@ const KNOWN: [UnsupportedFormat; 22] = [
         0,
         b"\x80\x02\x8a\x0al\xfc\x9cF",
         "a PyTorch file from before version 1.6",
-        "It can be read as part of a model: give the model's folder.",
+        "It can be read as part of a model: use the model's folder.",
     ),
     known(0, b"Namespace(", "the cfg_args of a model", TORCH),
-    known(0, b"\x1f\x8b", "a gzip archive", "Unpack it (gunzip) and give what is inside."),
+    known(0, b"\x1f\x8b", "a gzip archive", "Unpack it (gunzip) and use the contents."),
     known(0, b"BZh", "a bzip2 archive", UNPACK),
     known(0, b"\xfd7zXZ\0", "an xz archive", UNPACK),
     known(0, b"\x28\xb5\x2f\xfd", "a Zstandard archive", UNPACK),
@@ -71,20 +71,20 @@ const fn known(
 /// A PyTorch archive, recognised by its zip entries.
 const TORCH_ARCHIVE: UnsupportedFormat = known(0, b"", "a PyTorch archive", TORCH);
 
-/// Networks without splats, recognised by a name in the file; the first match decides.
+/// Networks without splats, recognised by a name in the file; the first match is used.
 const NETWORKS: [(&[u8], UnsupportedFormat); 6] = [
-    (b"feature_out_f", known(0, b"", "the network of an E-D3DGS model", BESIDE_PLY)),
-    (b"deformation_net", known(0, b"", "the network of a 4DGaussians model", BESIDE_PLY)),
-    (b"xyzt_encoding", known(0, b"", "the network of a DASH model", BESIDE_FOLDER)),
-    (b"xyt_encoding", known(0, b"", "the network of a Grid4D model", BESIDE_FOLDER)),
-    (b"_node_radius", known(0, b"", "the control nodes of an SC-GS model", BESIDE_FOLDER)),
+    (b"feature_out_f", known(0, b"", "the network of an E-D3DGS model", NEXT_TO_PLY)),
+    (b"deformation_net", known(0, b"", "the network of a 4DGaussians model", NEXT_TO_PLY)),
+    (b"xyzt_encoding", known(0, b"", "the network of a DASH model", NEXT_TO_FOLDER)),
+    (b"xyt_encoding", known(0, b"", "the network of a Grid4D model", NEXT_TO_FOLDER)),
+    (b"_node_radius", known(0, b"", "the control nodes of an SC-GS model", NEXT_TO_FOLDER)),
     (
         b"gaussian_warp",
-        known(0, b"", "the network of a Deformable-3D-Gaussians model", BESIDE_FOLDER),
+        known(0, b"", "the network of a Deformable-3D-Gaussians model", NEXT_TO_FOLDER),
     ),
 ];
-const BESIDE_PLY: &str = "It contains no splats. Put it beside point_cloud/iteration_N/point_cloud.ply of the same training as deformation.pth, and give the folder that contains point_cloud and cfg_args.";
-const BESIDE_FOLDER: &str = "It contains no splats. Put it at deform/iteration_N/deform.pth beside the folder point_cloud of the same training, and give the folder that contains both.";
+const NEXT_TO_PLY: &str = "It contains no splats. Rename it to deformation.pth, put it next to point_cloud/iteration_N/point_cloud.ply from the same training run, and use the folder that contains point_cloud and cfg_args.";
+const NEXT_TO_FOLDER: &str = "It contains no splats. Put it at deform/iteration_N/deform.pth, where deform is next to the folder point_cloud from the same training run, and use the folder that contains both.";
 
 /// A PyTorch archive that does not contain a scene, by its first bytes.
 pub(crate) fn torch_archive(start: &[u8]) -> UnsupportedFormat {
@@ -189,7 +189,7 @@ const KSPLAT: UnsupportedFormat = known(
     0,
     b"",
     "a .ksplat scene",
-    "Convert it to PLY, for example with SuperSplat or splat-transform, or give the file from \
+    "Convert it to PLY, for example with SuperSplat or splat-transform, or use the file from \
     which it was made.",
 );
 /// Largest plausible numbers of sections and splats of a `.ksplat`; its magic alone is not unique.
@@ -249,7 +249,11 @@ mod tests {
     #[test]
     fn magic_bytes_are_found_at_their_offsets() {
         let name = |start: &[u8]| UnsupportedFormat::of(start).map(|kind| kind.name);
-        assert_eq!(name(b"\0\0\0\x18ftypisom"), Some("an MP4 video"), "not at the start");
+        assert_eq!(
+            name(b"\0\0\0\x18ftypisom"),
+            Some("an MP4 video"),
+            "magic bytes not at the start"
+        );
         assert_eq!(name(b"<!DOCTYPE html>"), Some("an HTML page"), "ignoring case");
         assert_eq!(
             name(b"\xef\xbb\xbf\r\n<HTML lang=en>"),
@@ -267,7 +271,7 @@ mod tests {
         }
         assert_eq!(name(b"\x1f\x8b\x08"), Some("a gzip archive"), "packed");
         assert_eq!(name(&[&[0; 257][..], b"ustar"].concat()), Some("a tar archive"), "packed");
-        assert_eq!(name(b"RIFF"), None, "cut before the mark");
+        assert_eq!(name(b"RIFF"), None, "truncated before the magic bytes");
         assert_eq!(name(b""), None, "nothing");
         let network = |start: &[u8]| torch_archive(start).name;
         assert!(network(b"PK gaussian_warp _node_radius").contains("SC-GS"), "more specific");

@@ -18,7 +18,7 @@ pub enum Deformable3dgsError {
         /// Name of the grid's tensor.
         name: String,
     },
-    /// Tensors of another kind.
+    /// Tensors of a different kind.
     #[error(
         "is not a supported deformation network: it has no `{missing}`, but {found}; expected one \
         of Deformable-3D-Gaussians, SC-GS, Grid4D or DASH"
@@ -29,7 +29,7 @@ pub enum Deformable3dgsError {
         /// Number and names of the tensors found.
         found: String,
     },
-    /// A tensor is missing or has another shape.
+    /// A tensor is missing or has a different shape.
     #[error("{0}")]
     Layers(#[from] LayersError),
     /// The tensors do not form a deformation field.

@@ -17,7 +17,7 @@ pub(crate) const UP_SYNTHETIC: [f64; 3] = [0.0, 0.0, 1.0];
 /// Opens a model folder, or one of the iterations of its point cloud.
 ///
 /// # Errors
-/// If files are missing or malformed, or the network is of another kind. Every error names the
+/// If files are missing or malformed, or the network is of a different kind. Every error names the
 /// file.
 pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let mut folder = DeformFolder::read(dir, options, |_| Vec::new())?;
@@ -25,7 +25,7 @@ pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let bytes = read_bytes(&path)?;
     let tensors =
         pth::read(&bytes).and_then(pth::Root::into_state_dict).map_err(IoError::format(&path))?;
-    let layers = Layers::new(pth::beside(tensors, &["linear.0.weight"]));
+    let layers = Layers::new(pth::siblings_of(tensors, &["linear.0.weight"]));
     let mlp = network(&layers, "").map_err(IoError::format(&path))?;
     let is_blender = layers.has("timenet.0.weight");
     let background = folder.background();

@@ -30,7 +30,7 @@ pub enum Dynamic3dgsError {
     /// An entry of the archive cannot be read.
     #[error("{0}")]
     Entry(String),
-    /// An array has another shape.
+    /// An array has a different shape.
     #[error("`{name}` has shape {found:?}, expected {expected}")]
     Shape {
         /// Its name.

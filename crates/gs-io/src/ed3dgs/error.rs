@@ -8,15 +8,15 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Ed3dgsError {
-    /// Tensors of another kind.
+    /// Tensors of a different kind.
     #[error(
-        "is not the deformation network of E-D3DGS: it has no `feature_out_f.0.weight`, but {found}; the PLY beside it has embeddings, so the files belong to different models"
+        "is not the deformation network of E-D3DGS: it has no `feature_out_f.0.weight`, but {found}; the PLY next to it has embeddings, so the files belong to different models; copy both again from the machine that trained the model"
     )]
     OtherNetwork {
         /// Number and names of the tensors found.
         found: String,
     },
-    /// The table of times has another shape.
+    /// The table of times has a different shape.
     #[error("`weight` has shape {shape:?}, expected {expected}")]
     Table {
         /// Its shape.
@@ -32,7 +32,7 @@ pub enum Ed3dgsError {
         /// Number of rows.
         rows: f64,
     },
-    /// A tensor is missing or has another shape.
+    /// A tensor is missing or has a different shape.
     #[error("{0}")]
     Layers(#[from] LayersError),
     /// The tensors do not form a deformation field.

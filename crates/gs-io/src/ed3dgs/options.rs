@@ -8,7 +8,7 @@ const ANNEALING: f64 = 1000.0;
 /// Options of the training run, with the defaults of its classes, and the iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "options are named as in training")]
-pub(super) struct Options {
+pub(super) struct TrainingOptions {
     pub(super) iteration: f64,
     pub(super) min_embeddings: f64,
     pub(super) max_embeddings: f64,
@@ -24,7 +24,7 @@ pub(super) struct Options {
     pub(super) white_background: bool,
 }
 
-impl Options {
+impl TrainingOptions {
     pub(super) fn read(cfg: &CfgArgs, iteration: u64) -> Self {
         let number =
             |name: &str, default: f64| cfg.get(name).and_then(Value::as_f64).unwrap_or(default);
@@ -66,14 +66,14 @@ impl Options {
     /// Number of rows to which a table of `entries` is
     /// resampled, for the coarse and the fine stage.
     pub(super) fn rows(&self, entries: usize) -> [f64; 2] {
-        let (entries, least) = (entries as f64, self.min_embeddings);
+        let (entries, minimum) = (entries as f64, self.min_embeddings);
         let fine = if self.no_c2f_temporal_embedding {
             entries
         } else {
             let done = self.iteration.min(self.c2f_temporal_iter) / self.c2f_temporal_iter;
-            (least + (self.max_embeddings - least) * done).trunc()
+            (minimum + (self.max_embeddings - minimum) * done).trunc()
         };
-        [if self.use_coarse_temporal_embedding { least } else { fine }, fine]
+        [if self.use_coarse_temporal_embedding { minimum } else { fine }, fine]
     }
 
     pub(super) fn stages(&self) -> String {

@@ -1,6 +1,6 @@
 //! Reading model folders.
 
-use super::options::Options;
+use super::options::TrainingOptions;
 use super::stage;
 use crate::cfg_args;
 use crate::error::IoError;
@@ -61,7 +61,7 @@ pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
         return Err(IoError::content(
             &path,
             "is missing, without which the model cannot move; copy it from the machine that \
-            trained the model (training writes it beside point_cloud.ply)",
+            trained the model (training writes it next to point_cloud.ply)",
         ));
     }
     let cfg_path = iteration.model.join("cfg_args");
@@ -82,8 +82,8 @@ pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let bytes = read_bytes(&path)?;
     let tensors =
         pth::read(&bytes).and_then(pth::Root::into_state_dict).map_err(IoError::format(&path))?;
-    let layers = Layers::new(pth::beside(tensors, &["feature_out_f.0.weight"]));
-    let chosen = Options::read(&cfg, iteration.number);
+    let layers = Layers::new(pth::siblings_of(tensors, &["feature_out_f.0.weight"]));
+    let chosen = TrainingOptions::read(&cfg, iteration.number);
     let stages = stage::stages(&layers, &chosen).map_err(IoError::format(&path))?;
     let offset = stage::mean_offset(&layers);
     let facts = vec![

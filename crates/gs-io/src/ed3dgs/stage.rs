@@ -1,7 +1,7 @@
 //! Builds the two stages from the tensors of a file.
 
 use super::Ed3dgsError;
-use super::options::Options;
+use super::options::TrainingOptions;
 use crate::pth::{Layers, Tensor};
 use gs_deform::{EmbeddingStage, Head};
 
@@ -14,7 +14,7 @@ const MAX_ROWS: f64 = 1e6;
 /// The stages in use, coarse first.
 pub(super) fn stages(
     layers: &Layers<'_>,
-    options: &Options,
+    options: &TrainingOptions,
 ) -> Result<Vec<EmbeddingStage>, Ed3dgsError> {
     if !layers.has("feature_out_f.0.weight") && !layers.has("feature_out_c.0.weight") {
         return Err(Ed3dgsError::OtherNetwork { found: layers.summary() });

@@ -9,7 +9,7 @@ pub enum FourdgsError {
     /// The container is damaged.
     #[error("is a damaged .4dgs: {0}; copy or export it again")]
     Damaged(String),
-    /// Another temporal model.
+    /// A different temporal model.
     #[error(
         "is a .4dgs of the temporal model `{found}`, expected `{expected}`; write it with that, or export the scene as a PLY sequence from the program that made it"
     )]
@@ -20,7 +20,7 @@ pub enum FourdgsError {
         expected: &'static str,
     },
     /// No splats.
-    #[error("contains no splats; export it again")]
+    #[error("contains no splats; export it again with at least one splat")]
     Empty,
     /// More splats than the file can contain.
     #[error("declares {rows} splats in {bytes} bytes; copy it again")]
@@ -31,7 +31,7 @@ pub enum FourdgsError {
         bytes: usize,
     },
     /// The duration is not a positive number.
-    #[error("lasts {seconds} seconds, expected a positive number")]
+    #[error("lasts {seconds} seconds, expected a positive number; export it again")]
     Duration {
         /// The duration found.
         seconds: f64,

@@ -2,7 +2,7 @@
 //!
 //! The encoder rounds each value independently, and rejects a file if single precision increases
 //! the error. Here the time of a row is rounded first and its position is moved along its motion
-//! accordingly, so that fast rows of short clips stay in place. All values are then on the grids of
+//! accordingly, so that fast rows of short clips keep their positions. All values are then on the grids of
 //! the encoder.
 
 use fourdgs::GaussianSet;

@@ -9,7 +9,7 @@ use crate::repair::{self, Sanitized};
 use crate::scene_kind::SceneKind;
 use fourdgs::GaussianSet;
 use gs_core::{Splats, activation, sh};
-use gs_deform::{Polynomial, PolynomialScene, Visibility};
+use gs_deform::{FadeLimits, Polynomial, PolynomialScene};
 use std::path::Path;
 
 /// The supported temporal model.
@@ -91,7 +91,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> 
     let scene = PolynomialScene::new(splats, motions)
         .and_then(|scene| scene.with_windows(windows))
         .map_err(IoError::format(path))?
-        .with_visibility(Visibility { floor: 0.0, cutoff })
+        .with_fade_limits(FadeLimits { floor: 0.0, cutoff })
         .with_clock(0.0, duration.next_down())
         .with_frames(frames);
     Ok(OpenedScene {

@@ -1,7 +1,7 @@
 //! Splits the life of one splat into segments of linear motion, constant shape and colour, and
 //! opacity that is constant or a Gaussian of time: the rows of a `.4dgs` file.
 
-use crate::fade::{ALWAYS, Sums};
+use crate::opacity_fit::{ALWAYS, Sums};
 use gs_core::image_formation::ALPHA_THRESHOLD;
 use gs_core::quat;
 

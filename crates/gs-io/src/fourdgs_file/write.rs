@@ -4,8 +4,8 @@ use super::grid;
 use super::segments::{Sample, Segment, Tolerance, split};
 use crate::clip::{Clip, dropped_sentence, trimmed_diagonal};
 use crate::error::IoError;
+use crate::format_losses::FormatLosses;
 use crate::fs::{AtomicFile, Existing};
-use crate::losses::Losses;
 use fourdgs::GaussianSet;
 use gs_core::{Splats, quat, sh};
 use rayon::prelude::*;
@@ -55,7 +55,7 @@ pub struct WriteReport {
     /// Largest distance between a splat and its motion in the file before rounding, world units.
     pub distance: f64,
     /// Losses of the file.
-    pub losses: Losses,
+    pub losses: FormatLosses,
 }
 
 /// Number of times that [`write()`] evaluates the scene: `progress` counts up to this.
@@ -109,25 +109,25 @@ pub fn write(
     for first in (0..num_splats).step_by(block) {
         let block = first..(first + block).min(num_splats);
         let mut samples: Vec<Vec<Sample>> = vec![Vec::with_capacity(count); block.len()];
-        let mut sound = vec![true; block.len()];
+        let mut valid = vec![true; block.len()];
         clip.each_frame(path, |_, splats| {
-            rows.harmonics.see(splats, block.clone());
-            let each = samples.par_iter_mut().zip(&mut sound).zip(block.clone());
-            each.for_each(|((samples, sound), row)| {
-                *sound &= splats.is_finite(row);
+            rows.harmonics.add(splats, block.clone());
+            let each = samples.par_iter_mut().zip(&mut valid).zip(block.clone());
+            each.for_each(|((samples, valid), row)| {
+                *valid &= splats.is_finite(row);
                 samples.push(sample(splats, row));
             });
             done += 1;
             progress(done);
             Ok(())
         })?;
-        dropped += sound.iter().filter(|&&sound| !sound).count();
+        dropped += valid.iter().filter(|&&valid| !valid).count();
         let found: Vec<Vec<Segment>> = samples
             .par_iter()
-            .zip(&sound)
-            .map(|(samples, &sound)| {
+            .zip(&valid)
+            .map(|(samples, &valid)| {
                 let mut segments = Vec::new();
-                if sound {
+                if valid {
                     split(samples, &tolerance, &mut segments);
                 }
                 segments
@@ -154,7 +154,7 @@ pub fn write(
     );
     let bytes = written.map_err(|error| {
         let what = format!(
-            "cannot be written: {error}; remove splats that are far from the scene, or choose another format"
+            "cannot be written: {error}; remove splats that are far from the scene, or choose a different format"
         );
         IoError::content(path, what)
     })?;
@@ -229,7 +229,7 @@ impl Harmonics {
     }
 
     /// Updates the largest change of some rows.
-    fn see(&mut self, splats: &Splats, rows: std::ops::Range<usize>) {
+    fn add(&mut self, splats: &Splats, rows: std::ops::Range<usize>) {
         if self.kept == 0 {
             return;
         }
@@ -322,8 +322,8 @@ impl Rows {
         }
     }
 
-    fn losses(&self, clip: &Clip<'_>, options: &WriteOptions, dropped: usize) -> Losses {
-        let mut losses = Losses::none();
+    fn losses(&self, clip: &Clip<'_>, options: &WriteOptions, dropped: usize) -> FormatLosses {
+        let mut losses = FormatLosses::none();
         let (available, degree) = (clip.scene.sh_degree(), self.harmonics.degree);
         if degree < available {
             losses.push(format!("SH degree {available} becomes {degree}"));

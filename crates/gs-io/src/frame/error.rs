@@ -9,7 +9,7 @@ use crate::splat_file::SplatFileError;
 use crate::spz::SpzError;
 use thiserror::Error;
 
-/// Error of reading a still frame: that of its format, or another kind of file.
+/// Error of reading a still frame: that of its format, or a different kind of file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -44,7 +44,7 @@ pub enum FrameError {
     },
     /// A dynamic scene instead of a frame.
     #[error(
-        "is a dynamic scene ({what}), expected one frame; give it as the scene, or write a frame \
+        "is a dynamic scene ({what}), expected one frame; use it as the scene, or write a frame \
         of it with `c4d freeze`"
     )]
     Moving {

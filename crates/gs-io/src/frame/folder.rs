@@ -35,11 +35,11 @@ fn is_sog(folder: &Path, meta: &Path) -> bool {
 
 /// The bytes of a file referenced by a relative URI in `folder`; the URI may
 /// be percent-encoded but must not contain `..`.
-pub(super) fn beside(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
+pub(super) fn read_referenced(folder: &Path, uri: &str) -> Result<Vec<u8>, String> {
     let name = decoded(uri);
     let inside = Path::new(&name).components().all(|part| matches!(part, Component::Normal(_)));
     if !inside || name.is_empty() || name.contains(':') {
-        return Err(format!("its data are at `{uri}`, which is not beside it"));
+        return Err(format!("its data are at `{uri}`, which is not in its folder"));
     }
     let path = folder.join(&name);
     if !path.is_file() {

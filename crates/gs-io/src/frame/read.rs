@@ -1,6 +1,6 @@
 //! Reading a frame of any format.
 
-use super::folder::{PLACES, beside, still_of};
+use super::folder::{PLACES, read_referenced, still_of};
 use super::{Frame, FrameError, FrameFormat, Shape};
 use crate::content::splat_rows::ROW;
 use crate::content::{Container, container, shown};
@@ -37,7 +37,7 @@ pub fn read(bytes: &[u8]) -> Result<Frame, FrameError> {
         Container::Zip => Ok(sog::read(bytes)?),
         Container::Splat => Ok(splat_file::read(bytes)?),
         Container::Gltf => Ok(gltf::read(bytes, &|uri| {
-            Err(format!("its data are in another file, `{uri}`; give the path of the .gltf"))
+            Err(format!("its data are in a separate file, `{uri}`; use the path of the .gltf"))
         })?),
         Container::Unknown => Err(FrameError::Unknown { found: shown(bytes) }),
     }
@@ -87,7 +87,7 @@ pub fn read_file(path: &Path) -> Result<Frame, IoError> {
     let bytes = read_bytes(path)?;
     if container(&bytes) == Container::Gltf {
         let folder = path.parent().unwrap_or(Path::new(""));
-        let read = gltf::read(&bytes, &|uri| beside(folder, uri));
+        let read = gltf::read(&bytes, &|uri| read_referenced(folder, uri));
         return read.map_err(FrameError::from).map_err(IoError::format(path));
     }
     read(&bytes).map_err(IoError::format(path))

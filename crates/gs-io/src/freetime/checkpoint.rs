@@ -12,7 +12,7 @@ use std::path::Path;
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
     let (root, integers) = pth::read_with_integers(bytes).map_err(IoError::format(path))?;
     let tensors = root.into_state_dict().map_err(IoError::format(path))?;
-    let layers = Layers::new(pth::beside(tensors, &["means"]));
+    let layers = Layers::new(pth::siblings_of(tensors, &["means"]));
     model(&layers, &integers).map_err(IoError::format(path))
 }
 

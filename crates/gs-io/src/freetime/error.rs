@@ -14,7 +14,7 @@ pub enum FreeTimeError {
     /// The splats of a checkpoint are malformed.
     #[error("{0}")]
     Splats(#[from] GsplatError),
-    /// A tensor of a checkpoint is missing or has another shape.
+    /// A tensor of a checkpoint is missing or has a different shape.
     #[error("{0}")]
     Layers(#[from] LayersError),
 }

@@ -6,7 +6,7 @@ use crate::opened_scene::OpenedScene;
 use crate::repair::{self, Sanitized};
 use crate::scene_kind::SceneKind;
 use gs_core::Splats;
-use gs_deform::{Polynomial, PolynomialScene, Visibility};
+use gs_deform::{FadeLimits, Polynomial, PolynomialScene};
 use std::path::Path;
 
 /// Default of the smallest duration, as in training.
@@ -65,7 +65,7 @@ impl Model {
         let mut facts = vec![("motion", motion.to_owned())];
         let scene = PolynomialScene::new(splats, motions)
             .map_err(IoError::format(path))?
-            .with_visibility(Visibility { floor: self.opacity_floor, cutoff: 0.0 });
+            .with_fade_limits(FadeLimits { floor: self.opacity_floor, cutoff: 0.0 });
         let scene = match self.num_frames {
             Some(frames) => {
                 facts.push(("frames", frames.to_string()));

@@ -16,14 +16,14 @@ const MAX_FRAMES: usize = 1 << 20;
 pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
     let wrong = |what: String| IoError::format(path)(FreeTimeError::Settings(what));
     let read = ply::read(bytes).map_err(IoError::format(path))?;
-    let said = |name: &str| {
+    let setting = |name: &str| {
         let words = |comment: &'_ String| -> Option<String> {
             let (key, value) = comment.trim().split_once(char::is_whitespace)?;
             (key == name).then(|| value.trim().to_owned())
         };
         read.comments.iter().find_map(words)
     };
-    match said("ftgs_version").as_deref() {
+    match setting("ftgs_version").as_deref() {
         None | Some(VERSION) => {}
         Some(other) => {
             return Err(wrong(format!(
@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
             )));
         }
     }
-    match said("time_units").as_deref() {
+    match setting("time_units").as_deref() {
         None | Some("normalized") => {}
         Some(other) => {
             return Err(wrong(format!(
@@ -40,7 +40,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
             )));
         }
     }
-    let number = |name: &str, default: f32| match said(name) {
+    let number = |name: &str, default: f32| match setting(name) {
         None => Ok(default),
         Some(text) => text
             .parse()
@@ -50,12 +50,12 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Model, IoError> {
     };
     let (min_duration, opacity_floor) =
         (number("min_duration", MIN_DURATION)?, number("opacity_floor", OPACITY_FLOOR)?);
-    let use_velocity = match said("use_velocity").as_deref() {
+    let use_velocity = match setting("use_velocity").as_deref() {
         None | Some("1" | "true" | "True") => true,
         Some("0" | "false" | "False") => false,
         Some(other) => return Err(wrong(format!("has use_velocity {other}, expected 0 or 1"))),
     };
-    let frames = said("n_frames").map(|text| {
+    let frames = setting("n_frames").map(|text| {
         let count = text.parse().ok().filter(|count| (1..=MAX_FRAMES).contains(count));
         count.ok_or_else(|| wrong(format!("has n_frames {text}, expected 1 to {MAX_FRAMES}")))
     });

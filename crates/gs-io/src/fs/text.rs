@@ -95,11 +95,11 @@ mod tests {
         let with = |mark: &[u8], bytes: &[u8]| [mark, bytes].concat();
         for (bytes, how) in [
             (text.as_bytes().to_vec(), "UTF-8"),
-            (with(b"\xef\xbb\xbf", text.as_bytes()), "with a mark"),
+            (with(b"\xef\xbb\xbf", text.as_bytes()), "with a byte order mark"),
             (with(b"\xff\xfe", &little), "UTF-16, little-endian"),
             (with(b"\xfe\xff", &big), "UTF-16, big-endian"),
-            (little, "UTF-16 without a mark"),
-            (big, "UTF-16, big-endian, without a mark"),
+            (little, "UTF-16 without a byte order mark"),
+            (big, "UTF-16, big-endian, without a byte order mark"),
         ] {
             assert_eq!(decode(&bytes), text, "{how}");
             assert_eq!(&*utf8(&bytes), text.as_bytes(), "{how}");

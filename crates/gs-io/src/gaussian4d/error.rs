@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Gaussian4dError {
-    /// A part is missing, has another shape, or is of another method.
+    /// A part is missing, has a different shape, or is of a different method.
     #[error("{0}")]
     Parameters(String),
     /// A tensor is missing.
@@ -15,7 +15,7 @@ pub enum Gaussian4dError {
     Layers(#[from] LayersError),
     /// A checkpoint of 3D Gaussians, which do not move.
     #[error(
-        "is a checkpoint of 3D Gaussians without times, which do not move; give the \
+        "is a checkpoint of 3D Gaussians without times, which do not move; use the \
         point_cloud.ply of the model as a frame"
     )]
     Still,
@@ -24,7 +24,7 @@ pub enum Gaussian4dError {
     Empty,
     /// No time range was given.
     #[error(
-        "contains native 4D Gaussians, and no file states their time range; give --set \
+        "contains native 4D Gaussians, and no file states their time range; pass --set \
         time_duration=START,END as in the training's configuration (0,10 for Neural 3D Video, 0,1 \
         for D-NeRF): the splats' own times range from {first:.2} to {last:.2}"
     )]

@@ -60,13 +60,13 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
 /// Opens a checkpoint, or the newest of a model folder.
 ///
 /// # Errors
-/// If the file cannot be read or is of another kind, or the time range is not given.
+/// If the file cannot be read or is of a different kind, or the time range is not given.
 pub fn open(given: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let (path, mut facts) = if given.is_dir() {
         let (path, name) = checkpoint_of(given, options.iteration)?.ok_or_else(|| {
             let what = match options.iteration {
-                Some(wanted) => format!("has no chkpnt{wanted}.pth; choose another iteration"),
-                None => "contains no chkpnt*.pth; give the folder that training wrote".to_owned(),
+                Some(wanted) => format!("has no chkpnt{wanted}.pth; choose a different iteration"),
+                None => "contains no chkpnt*.pth; use the folder that training wrote".to_owned(),
             };
             IoError::content(given, what)
         })?;

@@ -6,7 +6,7 @@ use gs_core::{Splats, sh};
 use gs_deform::Gaussians4d;
 
 /// Positions in the tuple, which is nested in a tuple with the iteration.
-mod place {
+mod tuple_path {
     pub(super) const MEANS: &str = "0.1";
     pub(super) const DC: &str = "0.2";
     pub(super) const REST: &str = "0.3";
@@ -19,18 +19,18 @@ mod place {
     pub(super) const ENV_MAP: &str = "0.17";
 }
 
-/// Coefficients of SH of degree 3, alone and with two waves in time.
-const STILL: usize = 16;
-const WAVING: usize = 3 * STILL;
+/// Coefficients of SH of degree 3, alone and with two cosine terms in time.
+const SH_COEFFS: usize = 16;
+const TIME_VARYING_COEFFS: usize = 3 * SH_COEFFS;
 /// Number of coefficients allocated without 4D SH; those after the first 16 are never used.
-const UNREAD: usize = 33;
+const PADDED_COEFFS: usize = 33;
 
 /// The Gaussians, and notes for the user.
 pub(super) fn gaussians(
     tensors: Vec<(String, Tensor<'_>)>,
 ) -> Result<(Gaussians4d, Vec<String>), Gaussian4dError> {
     let layers = Layers::new(tensors);
-    let means = layers.get(place::MEANS).map(Tensor::shape);
+    let means = layers.get(tuple_path::MEANS).map(Tensor::shape);
     let Some(&[n, 3]) = means else {
         return Err(Gaussian4dError::Parameters(format!(
             "is not a checkpoint of native 4D Gaussians: its second part has shape {:?}, expected [N, 3] (centres); it has {}",
@@ -38,50 +38,51 @@ pub(super) fn gaussians(
             layers.summary()
         )));
     };
-    if !layers.has(place::TIMES) {
+    if !layers.has(tuple_path::TIMES) {
         return Err(Gaussian4dError::Still);
     }
     if n == 0 {
         return Err(Gaussian4dError::Empty);
     }
-    let named = |what: &str, place: &str, shape: &[usize]| {
-        layers.values(place, shape).map_err(|error| {
+    let named = |what: &str, path: &str, shape: &[usize]| {
+        layers.values(path, shape).map_err(|error| {
             Gaussian4dError::Parameters(format!(
-                "{what}: {error}; it may be of another version of 4D Gaussian Splatting"
+                "{what}: {error}; it may be of a different version of 4D Gaussian Splatting"
             ))
         })
     };
-    let means = named("centres", place::MEANS, &[n, 3])?;
-    let log_scales = named("scales", place::LOG_SCALES, &[n, 3])?;
-    let quats = named("rotations", place::QUATS, &[n, 4])?;
-    let opacity_logits = named("opacities", place::OPACITIES, &[n, 1])?;
-    let times = named("times", place::TIMES, &[n, 1])?;
-    let log_scales_t = named("extents in time", place::LOG_SCALES_T, &[n, 1])?;
+    let means = named("centres", tuple_path::MEANS, &[n, 3])?;
+    let log_scales = named("scales", tuple_path::LOG_SCALES, &[n, 3])?;
+    let quats = named("rotations", tuple_path::QUATS, &[n, 4])?;
+    let opacity_logits = named("opacities", tuple_path::OPACITIES, &[n, 1])?;
+    let times = named("times", tuple_path::TIMES, &[n, 1])?;
+    let log_scales_t = named("extents in time", tuple_path::LOG_SCALES_T, &[n, 1])?;
     // Empty or missing if space and time are not mixed.
-    let right_quats = match layers.get(place::RIGHT_QUATS).filter(|tensor| !tensor.is_empty()) {
-        Some(_) => named("right rotations", place::RIGHT_QUATS, &[n, 4])?,
+    let right_quats = match layers.get(tuple_path::RIGHT_QUATS).filter(|tensor| !tensor.is_empty())
+    {
+        Some(_) => named("right rotations", tuple_path::RIGHT_QUATS, &[n, 4])?,
         None => Vec::new(),
     };
     let mut notes = Vec::new();
-    if layers.get(place::ENV_MAP).is_some_and(|map| !map.is_empty()) {
+    if layers.get(tuple_path::ENV_MAP).is_some_and(|map| !map.is_empty()) {
         notes.push("its environment map is ignored: only splats are drawn".to_owned());
     }
-    let dc = named("base colours", place::DC, &[n, 1, 3])?;
-    let rest = layers.need(place::REST)?;
+    let dc = named("base colours", tuple_path::DC, &[n, 1, 3])?;
+    let rest = layers.need(tuple_path::REST)?;
     let &[rows, higher, 3] = rest.shape() else {
         let what = format!("colours have shape {:?}, expected [{n}, K − 1, 3]", rest.shape());
         return Err(Gaussian4dError::Parameters(what));
     };
     let stored = higher + 1;
-    let (kept, waving) = match stored {
+    let (kept, time_varying) = match stored {
         _ if rows != n => (None, false),
-        WAVING => (Some(STILL), true),
-        UNREAD => (Some(STILL), false),
+        TIME_VARYING_COEFFS => (Some(SH_COEFFS), true),
+        PADDED_COEFFS => (Some(SH_COEFFS), false),
         _ => (sh::degree_of(stored).map(sh::num_coeffs), false),
     };
     let kept = kept.ok_or_else(|| {
         Gaussian4dError::Parameters(format!(
-            "colours have shape [{rows}, {higher}, 3], expected [{n}, K − 1, 3] with K = {WAVING} (4D SH), {UNREAD}, or 1, 4, 9 or {STILL} (3D SH)"
+            "colours have shape [{rows}, {higher}, 3], expected [{n}, K − 1, 3] with K = {TIME_VARYING_COEFFS} (4D SH), {PADDED_COEFFS}, or 1, 4, 9 or {SH_COEFFS} (3D SH)"
         ))
     })?;
     let rest = rest.to_f32s();
@@ -90,7 +91,7 @@ pub(super) fn gaussians(
         coefficients.push([dc[3 * row], dc[3 * row + 1], dc[3 * row + 2]]);
         let own = rest[3 * higher * row..3 * higher * (row + 1)].as_chunks::<3>().0;
         coefficients.extend_from_slice(&own[..kept - 1]);
-        if waving {
+        if time_varying {
             waves.extend_from_slice(&own[kept - 1..]);
         }
     }

@@ -2,7 +2,7 @@
 
 use super::GltfError;
 use super::document::{Buffer, Document};
-use crate::content::marks::GLB;
+use crate::content::magic::GLB;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::borrow::Cow;

@@ -11,7 +11,7 @@ const SWEEPS: usize = 32;
 pub(super) fn axes_of(map: DMat3) -> (DQuat, DVec3) {
     let mut columns = [map.x_axis, map.y_axis, map.z_axis];
     for _ in 0..SWEEPS {
-        let mut turned = false;
+        let mut rotated = false;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             let (a, b) = (columns[p], columns[q]);
             let product = a.dot(b);
@@ -23,9 +23,9 @@ pub(super) fn axes_of(map: DMat3) -> (DQuat, DVec3) {
             let cosine = 1.0 / 1.0_f64.hypot(tangent);
             let sine = cosine * tangent;
             (columns[p], columns[q]) = (cosine * a - sine * b, sine * a + cosine * b);
-            turned = true;
+            rotated = true;
         }
-        if !turned {
+        if !rotated {
             break;
         }
     }

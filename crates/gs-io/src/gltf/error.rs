@@ -29,7 +29,7 @@ pub enum GltfError {
     #[error("damaged glTF: {0}")]
     Damaged(String),
     /// No rows.
-    #[error("the glTF contains no Gaussians; export it again without removing everything")]
+    #[error("the glTF contains no Gaussians; export it again with at least one splat")]
     Empty,
     /// No splats in the default scene.
     #[error("found {found}")]

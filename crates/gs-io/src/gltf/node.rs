@@ -5,7 +5,7 @@ use super::document::{Document, Node};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
 /// Tolerance for the column products and the determinant of a
-/// rotation; hand-written matrices have few digits.
+/// rotation; hand-written matrices have few decimal places.
 const SLACK: f64 = 1e-3;
 
 /// A mesh and its placement in the scene: scaled by `scale` along the mesh's

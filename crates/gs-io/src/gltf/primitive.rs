@@ -158,7 +158,7 @@ fn attributes(
         *slot = slot.max(values.half_step);
     }
     let off = scales.half_step;
-    let least = (0.5 * off).max(f32::MIN_POSITIVE);
+    let minimum = (0.5 * off).max(f32::MIN_POSITIVE);
     let nearest = (0.5 * opacities.half_step).max(MIN_OPACITY);
     let sh_precision =
         |of: usize| if of <= degree { SLACK * sh_half_step[of] } else { f32::INFINITY };
@@ -169,7 +169,7 @@ fn attributes(
         log_scales: scale.map(|value| {
             if value > off { SLACK * (value / (value - off)).ln() } else { std::f32::consts::LN_2 }
         }),
-        log_scale_range: [least.ln(), f32::INFINITY],
+        log_scale_range: [minimum.ln(), f32::INFINITY],
         opacity: (SLACK * opacities.half_step).max(MIN_OPACITY),
         sh_dc: [SLACK * sh_half_step[0]; 3],
         sh_rest: [1, 2, 3].map(sh_precision),
@@ -183,7 +183,7 @@ fn attributes(
         log_scales: scales
             .rows
             .iter()
-            .map(|scale| scale.map(|value| if value == 0.0 { least } else { value }.ln()))
+            .map(|scale| scale.map(|value| if value == 0.0 { minimum } else { value }.ln()))
             .collect(),
         opacity_logits: opacities
             .rows
@@ -248,16 +248,16 @@ impl Part {
                 }
             });
         }
-        let turn = placement.rotation;
+        let rotation = placement.rotation;
         let coeffs = splats.sh_coeffs();
-        let harmonics = ShRotation::new([turn.w, turn.x, turn.y, turn.z]);
+        let harmonics = ShRotation::new([rotation.w, rotation.x, rotation.y, rotation.z]);
         splats.sh.par_chunks_exact_mut(coeffs).for_each(|sh| harmonics.apply(sh));
         let stretched = placement.uniform_scale().is_none();
         for row in &mut self.precision {
-            let turned = DMat3::from_quat(turn);
+            let matrix = DMat3::from_quat(rotation);
             let local = DVec3::from_array(row.means.map(f64::from)) * placement.scale;
             row.means = std::array::from_fn(|axis| {
-                (turned.row(axis).abs().dot(local) * (1.0 + f64::from(f32::EPSILON))) as f32
+                (matrix.row(axis).abs().dot(local) * (1.0 + f64::from(f32::EPSILON))) as f32
             });
             if stretched {
                 // Axes are permuted and lengths mixed, so the coarsest axis bounds all.

@@ -4,8 +4,8 @@ use super::container::{CHUNK_BIN, CHUNK_JSON};
 use super::extension::{EXTENSION, harmonic_name};
 use crate::axes::{self, Axes};
 use crate::bytes8::{channel_of, unorm8};
-use crate::content::marks::GLB;
-use crate::losses::Losses;
+use crate::content::magic::GLB;
+use crate::format_losses::FormatLosses;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gs_core::{Splats, quat, sh};
@@ -70,17 +70,21 @@ fn floats<'a>(values: impl Iterator<Item = &'a f32>) -> Vec<u8> {
 /// # Errors
 /// If the arrays of `splats` have inconsistent lengths, no row is finite, or a binary file would
 /// exceed 4 GiB ([`io::ErrorKind::InvalidInput`]); if writing fails.
-pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
+pub fn write(
+    splats: &Splats,
+    options: &WriteOptions,
+    out: &mut impl Write,
+) -> io::Result<FormatLosses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;
-    let sound: Vec<usize> = (0..splats.len()).filter(|&row| splats.is_finite(row)).collect();
-    if sound.is_empty() {
+    let valid: Vec<usize> = (0..splats.len()).filter(|&row| splats.is_finite(row)).collect();
+    if valid.is_empty() {
         return Err(invalid("no splat is finite".to_owned()));
     }
     let degree = options.sh_degree.map_or(splats.sh_degree, |degree| degree.min(splats.sh_degree));
-    let mut turned = splats.select(&sound).with_sh_degree(degree);
-    axes::convert(&mut turned, Axes::PLY, Axes::LUF);
-    let attributes = attributes(&turned);
+    let mut converted = splats.select(&valid).with_sh_degree(degree);
+    axes::convert(&mut converted, Axes::PLY, Axes::LUF);
+    let attributes = attributes(&converted);
     let text = options.text;
     let bytes = &attributes.bytes;
     let mut buffer = json!({ "byteLength": bytes.len() });
@@ -121,7 +125,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
         let padding = bytes.len().next_multiple_of(4) - bytes.len();
         let word = |value: usize| {
             u32::try_from(value).map(u32::to_le_bytes).map_err(|_too_large| {
-                invalid(format!("{} splats need more than 4 GiB", turned.len()))
+                invalid(format!("{} splats need more than 4 GiB", converted.len()))
             })
         };
         let total = word(28 + json.len() + bytes.len() + padding)?;
@@ -136,7 +140,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
         out.write_all(bytes)?;
         out.write_all(&[0; 3][..padding])?;
     }
-    Ok(losses(splats, degree, splats.len() - sound.len()))
+    Ok(losses(splats, degree, splats.len() - valid.len()))
 }
 
 fn attributes(splats: &Splats) -> Attributes {
@@ -180,8 +184,8 @@ fn attributes(splats: &Splats) -> Attributes {
     attributes
 }
 
-fn losses(splats: &Splats, degree: usize, broken: usize) -> Losses {
-    let mut losses = Losses::none();
+fn losses(splats: &Splats, degree: usize, broken: usize) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     if degree < splats.sh_degree {
         losses.push(format!("SH degree {} becomes {degree}", splats.sh_degree));
     }

@@ -10,16 +10,16 @@ pub enum GsplatError {
     /// The PyTorch file is malformed.
     #[error("{0}")]
     Pth(#[from] PthError),
-    /// A tensor is missing or has another shape.
+    /// A tensor is missing or has a different shape.
     #[error("{0}")]
     Tensors(#[from] LayersError),
-    /// `means` has another shape.
+    /// `means` has a different shape.
     #[error("`means` has shape {shape:?}, expected [splats, 3]")]
     Means {
         /// Its shape.
         shape: Vec<usize>,
     },
-    /// `shN` has another shape.
+    /// `shN` has a different shape.
     #[error(
         "`shN` has shape {shape:?}, expected [{rows}, K, 3] with K = 0, 3, 8 or 15 (SH degree 0 to 3)"
     )]

@@ -9,10 +9,10 @@ const UNSUPPORTED: [&str; 3] = ["features", "colors", "color_velocities"];
 /// Reads a checkpoint of one frame.
 ///
 /// # Errors
-/// If the bytes are of another kind, or a dynamic scene.
+/// If the bytes are of a different kind, or a dynamic scene.
 pub(crate) fn read(bytes: &[u8]) -> Result<Splats, GsplatError> {
     let tensors = pth::read(bytes).and_then(pth::Root::into_state_dict)?;
-    let layers = Layers::new(pth::beside(tensors, &["means"]));
+    let layers = Layers::new(pth::siblings_of(tensors, &["means"]));
     if layers.has("times") {
         return Err(GsplatError::Moving);
     }

@@ -95,7 +95,7 @@ pub(crate) fn find(dir: &Path, wanted: Option<u64>) -> Result<Iteration, IoError
             .collect();
         if !unnumbered.is_empty() {
             notes.push(format!(
-                "{name} is used, not {}; give {} to use the latter",
+                "{name} is used, not {}; pass the path of {} to use the latter",
                 unnumbered.join(" or "),
                 saves.join(unnumbered[0]).display()
             ));
@@ -178,7 +178,7 @@ mod tests {
         assert_eq!((newest.number, newest.stage), (20_000, Stage::Fine), "30000 has no PLY");
         assert!(newest.notes[0].contains("iteration_30000 is newer"), "and is reported");
         assert!(newest.notes[1].contains("not iteration_x"), "{:?}", newest.notes);
-        assert_eq!(find(dir.path(), Some(7000)).unwrap().number, 7000, "asked for");
+        assert_eq!(find(dir.path(), Some(7000)).unwrap().number, 7000, "the requested iteration");
         let error = find(dir.path(), Some(1)).unwrap_err().to_string();
         assert!(error.contains("no iteration 1") && error.contains("iteration_7000"), "{error}");
         let direct = find(&saves.join("iteration_7000"), None).unwrap();
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn names_without_a_number_are_iterations_too() {
+    fn unnumbered_iterations_are_found() {
         for name in ["iteration_best", "best", "iteration_30000_final"] {
             let dir = tempfile::tempdir().unwrap();
             let save = dir.path().join("point_cloud").join(name);

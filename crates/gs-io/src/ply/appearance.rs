@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn smoothing_of_infinities() {
+    fn infinities_are_smoothed() {
         let opaque = |filter: f32| {
             let (mut log_scale, mut logit) = ([-2.0; 3], f32::INFINITY);
             smooth(&mut log_scale, &mut logit, filter);
@@ -178,7 +178,7 @@ mod tests {
             "opaque splats become less opaque"
         );
         assert_eq!(opaque(0.0), ([-2.0; 3], f32::INFINITY), "no filter");
-        assert!(opaque(f32::NAN).1.is_nan(), "damaged values stay damaged");
+        assert!(opaque(f32::NAN).1.is_nan(), "damaged values remain damaged");
         let (mut log_scale, mut logit) = ([f32::NEG_INFINITY, -2.0, -2.0], 3.0);
         smooth(&mut log_scale, &mut logit, 0.2);
         assert!(

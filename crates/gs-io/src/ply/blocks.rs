@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Smaller files are read as a whole: they take milliseconds, and any reader can describe their
 /// errors. Bytes.
-const LEAST: u64 = 4 << 20;
+const MIN_LENGTH: u64 = 4 << 20;
 /// The header must end within this many bytes; that of a usual file takes two kilobytes.
 const START: u64 = 64 << 10;
 /// Bytes read at once.
@@ -28,7 +28,7 @@ pub(crate) fn read_in_blocks(path: &Path) -> Result<Option<PlySplats>, IoError> 
     let failed = |source| IoError::Read { path: path.to_owned(), source };
     let mut file = open_file(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
-    if length < LEAST {
+    if length < MIN_LENGTH {
         return Ok(None);
     }
     let mut start = Vec::new();
@@ -128,7 +128,7 @@ mod tests {
 
     /// Several blocks, the last of them short: the same values as from all bytes.
     #[test]
-    fn blocks_give_what_the_whole_file_gives() {
+    fn blocks_give_the_same_values_as_the_whole_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("large.ply");
         for (encoding, filter) in [
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_left_to_the_general_reader() {
+    fn other_files_are_not_read_in_blocks() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("other.ply");
         let large = file(30_000, "binary_little_endian", false);

@@ -59,7 +59,7 @@ pub enum PlyError {
     },
     /// No rows.
     #[error(
-        "the PLY contains no Gaussians (element vertex 0); export it again without removing everything"
+        "the PLY contains no Gaussians (element vertex 0); export it again with at least one splat"
     )]
     Empty,
     /// Compressed by PlayCanvas tools.

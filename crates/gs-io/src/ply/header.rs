@@ -1,7 +1,7 @@
 //! The text at the start of a PLY file.
 
 use super::PlyError;
-use crate::content::marks::BYTE_ORDER_MARK;
+use crate::content::magic::BYTE_ORDER_MARK;
 use std::borrow::Cow;
 use std::collections::HashSet;
 
@@ -293,7 +293,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parses_what_tools_write() {
+    fn parses_headers_of_common_tools() {
         let text = "ply\r\nformat binary_big_endian 1.0\r\ncomment made by  a tool\r\nobj_info x\r\nelement vertex 3\r\nproperty float32 x\r\nelement face 1\r\nproperty list uchar int vertex_indices\r\nend_header\r\nDATA";
         let header = Header::parse(text.as_bytes()).unwrap();
         assert_eq!(header.encoding, Encoding::BigEndian, "encoding");

@@ -37,7 +37,7 @@ impl Header {
     /// Finds the columns of a Gaussian scene.
     ///
     /// # Errors
-    /// If the file is of another kind, or has no rows.
+    /// If the file is of a different kind, or has no rows.
     pub fn gaussians(&self) -> Result<Layout, PlyError> {
         let element = self.elements.iter().position(|element| element.name == "vertex");
         let packed =
@@ -168,7 +168,7 @@ fn looks_like(names: &[String]) -> String {
     } else if has("x") && !has("rot_0") {
         "a plain point cloud or mesh"
     } else {
-        "another kind of Gaussians"
+        "Gaussians of a different kind"
     };
     let shown: Vec<&str> = names.iter().map(String::as_str).take(12).collect();
     let more = if names.len() > shown.len() { ", …" } else { "" };
@@ -204,7 +204,7 @@ mod tests {
             (&["x", "y", "z", "red", "green", "blue"], "a plain point cloud with x, y, z, red"),
             (&["x", "y", "z", "f_offset_0", "f_anchor_feat_0"], "Scaffold-GS"),
             (&["x", "scale_0", "scale_1", "rot_0"], "2DGS"),
-            (&["rot_0", "y"], "another kind"),
+            (&["rot_0", "y"], "a different kind"),
         ];
         for (columns, needle) in cases {
             let error = layout(columns, 1).unwrap_err().to_string();
@@ -234,7 +234,7 @@ mod tests {
         assert_eq!((found.appearance.rgb, found.extra_columns.len()), (None, 3), "SH win");
         assert!(layout(&rgb[..rgb.len() - 1], 1).is_err(), "two channels are not a colour");
         assert!(layout(&without(&["scale_2"]), 1).unwrap().appearance.surfels, "surfels");
-        assert!(layout(&without(&["scale_1"]), 1).is_err(), "another axis is missing");
+        assert!(layout(&without(&["scale_1"]), 1).is_err(), "a different axis is missing");
         let balls = layout(&without(&["scale_1", "scale_2"]), 1).unwrap();
         assert!(balls.appearance.isotropic, "one size for all axes");
         assert!(layout(&without(&["scale_0", "scale_1", "scale_2"]), 1).is_err(), "no size");

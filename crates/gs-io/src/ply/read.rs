@@ -88,17 +88,19 @@ pub fn read_columns(bytes: &[u8], names: &[impl AsRef<str>]) -> Result<Vec<Vec<f
             found: properties.iter().map(|property| property.name.clone()).collect(),
         })
     };
-    let places: Vec<usize> =
+    let positions: Vec<usize> =
         names.iter().map(|name| position(name.as_ref())).collect::<Result<_, _>>()?;
-    let mut columns = vec![Vec::new(); places.len()];
-    let Some((index, element)) = found.filter(|_| !places.is_empty()) else { return Ok(columns) };
+    let mut columns = vec![Vec::new(); positions.len()];
+    let Some((index, element)) = found.filter(|_| !positions.is_empty()) else {
+        return Ok(columns);
+    };
     let mut cursor = Cursor::at_element(&header, bytes, index)?;
     cursor.check_fits(element)?;
     let mut row = Vec::new();
     for i in 0..element.count {
         cursor.read_row(element, i, &mut row)?;
-        for (column, &place) in columns.iter_mut().zip(&places) {
-            column.push(single(row[place]));
+        for (column, &at) in columns.iter_mut().zip(&positions) {
+            column.push(single(row[at]));
         }
     }
     Ok(columns)

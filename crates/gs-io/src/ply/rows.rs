@@ -47,7 +47,7 @@ impl<'a> Cursor<'a> {
     pub(crate) fn check_fits(&self, element: &Element) -> Result<(), PlyError> {
         // In text a digit and a separator (except after the last value); in
         // binary only the count for an empty list.
-        let least: usize = match self.encoding {
+        let row_size: usize = match self.encoding {
             Encoding::Ascii => 2 * element.properties.len(),
             Encoding::LittleEndian | Encoding::BigEndian => element
                 .properties
@@ -58,10 +58,10 @@ impl<'a> Cursor<'a> {
                 })
                 .sum(),
         };
-        let needed = u128::from(element.count) * least as u128;
+        let needed = u128::from(element.count) * row_size as u128;
         let found = self.rest().len() as u128;
         if needed > found + 1 {
-            let rows = if least == 0 { 0 } else { found / least as u128 };
+            let rows = if row_size == 0 { 0 } else { found / row_size as u128 };
             return Err(truncated(element, u128::from(element.count), rows, "rows"));
         }
         Ok(())

@@ -89,7 +89,7 @@ mod tests {
         // 3 at the end, row 4 in all frames.
         let damaged = [vec![1, 4], vec![1, 2, 4], vec![2, 4], vec![2, 4], vec![3, 4], vec![3, 4]];
         let (hidden, gone) = HiddenRows::of(&damaged);
-        assert_eq!(gone, [4], "never sound");
+        assert_eq!(gone, [4], "never valid");
         let of = |frame: usize| hidden.of_frame(frame).collect::<Vec<_>>();
         assert_eq!(of(0), [(2, vec![1])], "the first frame after the run");
         assert_eq!(of(1), [(0, vec![2]), (2, vec![1])], "either side");

@@ -2,7 +2,7 @@
 
 use super::SequenceError;
 use super::hidden::{self, HiddenRows};
-use super::source::{Beside, Source};
+use super::source::{OtherEntries, Source};
 use crate::axes::Axes;
 use crate::error::IoError;
 use crate::frame::{self, Frame};
@@ -39,7 +39,7 @@ impl Default for SequenceOptions {
 #[derive(Debug)]
 pub struct PlySequence {
     source: Source,
-    beside: Beside,
+    others: OtherEntries,
     num_splats: usize,
     sh_degree: usize,
     damage: Damage,
@@ -59,7 +59,7 @@ impl PlySequence {
     /// If there are fewer than two frames, numbers are missing, or a file differs from the first;
     /// the file is named.
     pub fn open(path: &Path, options: &SequenceOptions) -> Result<Self, IoError> {
-        let (source, beside) =
+        let (source, others) =
             if path.is_dir() { Source::folder(path)? } else { Source::zip(path)? };
         if source.len() < 2 {
             return Err(IoError::format(path)(SequenceError::TooShort { found: source.len() }));
@@ -82,7 +82,7 @@ impl PlySequence {
         })?;
         let mut sequence = Self {
             source,
-            beside,
+            others,
             num_splats,
             sh_degree: first.sh_degree,
             damage: options.damage,
@@ -129,12 +129,12 @@ impl PlySequence {
 
     /// Names of entries of the folder that are not frames.
     pub fn ignored(&self) -> &[String] {
-        &self.beside.ignored
+        &self.others.ignored
     }
 
     /// Note on the series used and those ignored, if the folder has several.
     pub fn series(&self) -> Option<&str> {
-        self.beside.series.as_deref()
+        self.others.series.as_deref()
     }
 
     /// Notes on reading the first frame, one sentence each. Reads that frame.
@@ -166,7 +166,7 @@ impl PlySequence {
         for index in 0..self.source.len() {
             let (splats, infinities) = self.read(index)?;
             self.repair.infinities.add(infinities);
-            let rows = repair::survey(&splats, |_row| false).1;
+            let rows = repair::count_damage(&splats, |_row| false).1;
             for &row in &rows {
                 // A row counts once, by its first damage.
                 if !std::mem::replace(&mut seen[row], true) {

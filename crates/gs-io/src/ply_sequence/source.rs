@@ -19,7 +19,7 @@ const STARTS: [u64; 2] = [16 << 10, 1 << 20];
 
 /// Entries other than the frames.
 #[derive(Debug, Default)]
-pub(super) struct Beside {
+pub(super) struct OtherEntries {
     /// Names of the other entries.
     pub(super) ignored: Vec<String>,
     /// Note on the series used, if there are several.
@@ -43,14 +43,14 @@ pub(super) enum Source {
 
 impl Source {
     /// The frames of a folder, and its other entries.
-    pub(super) fn folder(dir: &Path) -> Result<(Self, Beside), IoError> {
+    pub(super) fn folder(dir: &Path) -> Result<(Self, OtherEntries), IoError> {
         let found = find_frames(&list_names(dir)?).map_err(IoError::format(dir))?;
         let paths = found.frames.iter().map(|name| dir.join(name)).collect();
-        Ok((Self::Folder(paths), Beside { ignored: found.ignored, series: found.series }))
+        Ok((Self::Folder(paths), OtherEntries { ignored: found.ignored, series: found.series }))
     }
 
     /// The frames of an archive, and its other entries.
-    pub(super) fn zip(path: &Path) -> Result<(Self, Beside), IoError> {
+    pub(super) fn zip(path: &Path) -> Result<(Self, OtherEntries), IoError> {
         let failed = |source| IoError::Read { path: path.to_owned(), source };
         let mut file = crate::fs::open_file(path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
@@ -67,8 +67,8 @@ impl Source {
         let mut ignored = found.ignored;
         ignored.retain(|name| !name.ends_with('/'));
         let archive = Mutex::new(archive);
-        let beside = Beside { ignored, series: found.series };
-        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive, limit }, beside))
+        let others = OtherEntries { ignored, series: found.series };
+        Ok((Self::Zip { path: [path.to_owned()], names: found.frames, archive, limit }, others))
     }
 
     pub(super) fn len(&self) -> usize {

@@ -8,8 +8,8 @@ use crate::archive::StoredWriter;
 use crate::clip::each_frame;
 use crate::compressed_ply;
 use crate::error::IoError;
+use crate::format_losses::FormatLosses;
 use crate::fs::{AtomicDir, AtomicFile, Existing};
-use crate::losses::Losses;
 use crate::ply::{self, WriteOptions};
 use gs_core::{DynamicScene, Splats};
 use std::fs::File;
@@ -72,7 +72,7 @@ impl FolderWriter {
         &mut self,
         splats: &Splats,
         options: &compressed_ply::WriteOptions,
-    ) -> Result<Losses, IoError> {
+    ) -> Result<FormatLosses, IoError> {
         self.add(&compressed_name(self.frames), |file| compressed_ply::write(splats, options, file))
     }
 
@@ -178,10 +178,10 @@ pub fn write_compressed_folder(
     options: &compressed_ply::WriteOptions,
     existing: Existing,
     progress: &mut dyn FnMut(usize),
-) -> Result<Losses, IoError> {
+) -> Result<FormatLosses, IoError> {
     too_short(dir, times.len())?;
     let mut writer = FolderWriter::create(dir, existing)?;
-    let (mut options, mut losses) = (options.clone(), Losses::none());
+    let (mut options, mut losses) = (options.clone(), FormatLosses::none());
     if options.sh_degree.is_none() {
         // One degree for all frames; most scenes need their highest degree in the first frame.
         let mut kept = 0;

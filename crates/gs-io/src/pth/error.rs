@@ -57,7 +57,7 @@ pub enum LayersError {
         /// Number and names of the tensors found.
         found: String,
     },
-    /// A tensor has another shape.
+    /// A tensor has a different shape.
     #[error("`{name}` has shape {found:?}, expected {expected:?}")]
     Shape {
         /// Its name.

@@ -21,17 +21,17 @@ pub(super) fn is_legacy(bytes: &[u8]) -> bool {
 pub(super) fn read(bytes: &[u8]) -> Result<(Root<'_>, Integers), PthError> {
     let mut rest = bytes;
     for _ in 0..HEADERS {
-        rest = &rest[pickle::survey(rest, &|_, _| None)?.0..];
+        rest = &rest[pickle::scan(rest, &|_, _| None)?.0..];
     }
     let object = rest;
     // The sizes of the storages are in the object, which comes first. While they are collected,
     // arbitrary bytes of the right length replace the storages.
     let sizes = RefCell::new(BTreeMap::new());
-    let (len, _) = pickle::survey(object, &|key, size| {
+    let (len, _) = pickle::scan(object, &|key, size| {
         sizes.borrow_mut().insert(key.to_owned(), size);
         bytes.get(..size)
     })?;
-    let (keys_len, keys) = pickle::survey(&object[len..], &|_, _| None)?;
+    let (keys_len, keys) = pickle::scan(&object[len..], &|_, _| None)?;
     let mut rest = &object[len + keys_len..];
     let mut storages = BTreeMap::new();
     for key in keys {

@@ -18,7 +18,7 @@ mod write;
 
 pub use error::{LayersError, PthError};
 pub(crate) use layers::Layers;
-pub use names::beside;
+pub use names::siblings_of;
 pub(crate) use pickle::Integers;
 pub(crate) use read::read_with_integers;
 pub use read::{read, with_file};

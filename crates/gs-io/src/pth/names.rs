@@ -25,19 +25,22 @@ pub(super) fn canonical(name: &str) -> String {
 }
 
 /// The tensors at the same level as one named `known`, with the common prefix (such as
-/// `state_dict.`) removed. Of several levels the one with the shortest prefix is used, then the
+/// `state_dict.`) removed. Of several levels, the one with the shortest prefix is used, then the
 /// first. Without such a tensor all are unchanged.
-pub fn beside<'a>(tensors: Vec<(String, Tensor<'a>)>, known: &[&str]) -> Vec<(String, Tensor<'a>)> {
+pub fn siblings_of<'a>(
+    tensors: Vec<(String, Tensor<'a>)>,
+    known: &[&str],
+) -> Vec<(String, Tensor<'a>)> {
     let prefix_of = |name: &str| {
         let prefix = known.iter().find_map(|known| name.strip_suffix(known))?;
         (prefix.is_empty() || prefix.ends_with('.')).then_some(prefix.len())
     };
-    let place = tensors
+    let found = tensors
         .iter()
         .filter_map(|(name, _)| prefix_of(name).map(|length| &name[..length]))
         .min_by_key(|prefix| prefix.len())
         .map(str::to_owned);
-    let Some(prefix) = place.filter(|prefix| !prefix.is_empty()) else { return tensors };
+    let Some(prefix) = found.filter(|prefix| !prefix.is_empty()) else { return tensors };
     let inside = |(name, tensor): (String, Tensor<'a>)| {
         name.strip_prefix(&prefix).map(|name| (name.to_owned(), tensor))
     };
@@ -62,7 +65,7 @@ mod tests {
         let find = |names: &[&str], known: &[&str]| -> Vec<String> {
             let tensor = || Tensor::new(Dtype::U8, &[0], 0, vec![1], vec![1]).unwrap();
             let tensors = names.iter().map(|name| ((*name).to_owned(), tensor())).collect();
-            beside(tensors, known).into_iter().map(|(name, _)| name).collect()
+            siblings_of(tensors, known).into_iter().map(|(name, _)| name).collect()
         };
         let names = ["ema.deep.net.a", "model.net.a", "model.net.b", "other.net.b", "epoch"];
         assert_eq!(find(&names, &["net.a"]), ["net.a", "net.b"], "the shorter name");

@@ -76,7 +76,7 @@ pub(super) fn load<'a>(
 }
 
 /// Runs the pickle at the beginning of `bytes`; returns its length and the texts in it, in order.
-pub(super) fn survey<'a>(
+pub(super) fn scan<'a>(
     bytes: &'a [u8],
     storages: Storages<'a, '_>,
 ) -> Result<(usize, Vec<&'a str>), PthError> {
@@ -128,7 +128,7 @@ impl<'a, 'f> Machine<'a, 'f> {
     /// A line of a GLOBAL.
     fn line(&mut self) -> Result<&'a str, PthError> {
         let length = self.bytes[self.at..].iter().take(256).position(|&byte| byte == b'\n');
-        let length = length.ok_or_else(|| self.error("a name without an end"))?;
+        let length = length.ok_or_else(|| self.error("an unterminated name"))?;
         let line = self.text(length)?;
         self.at += 1;
         Ok(line)
@@ -205,7 +205,7 @@ impl<'a, 'f> Machine<'a, 'f> {
         };
         items(&list)
             .and_then(|all| all.iter().map(pair).collect())
-            .ok_or_else(|| self.error("a dictionary of something other than pairs"))
+            .ok_or_else(|| self.error("a dictionary whose items are not pairs"))
     }
 
     /// Executes one opcode; true after STOP.
@@ -360,7 +360,7 @@ impl<'a, 'f> Machine<'a, 'f> {
 
     fn memoize(&mut self, key: u32) -> Result<(), PthError> {
         match self.stack.last() {
-            Some(Value::Mark) | None => Err(self.error("nothing to remember")),
+            Some(Value::Mark) | None => Err(self.error("no value to memoize")),
             Some(&value) => {
                 self.memo.insert(key, value);
                 Ok(())
@@ -444,7 +444,7 @@ impl<'a, 'f> Machine<'a, 'f> {
     fn reduce(&mut self) -> Result<(), PthError> {
         let (arguments, callable) = (self.pop()?, self.pop()?);
         let Value::Name(name) = callable else {
-            return Err(self.error("a call of something that has no name"));
+            return Err(self.error("a call of an object without a name"));
         };
         let arguments = self.tuple(arguments)?;
         match (name, arguments) {

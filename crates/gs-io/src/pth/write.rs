@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn misfits_are_refused() {
+    fn wrong_shapes_are_refused() {
         let tensor = NamedTensor { name: "a", shape: &[2, 2], values: &[0.0] };
         let error = write(&[tensor], Vec::new()).unwrap_err().to_string();
         assert!(error.contains("`a` of shape [2, 2] has 1 values"), "{error}");

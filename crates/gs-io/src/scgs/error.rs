@@ -18,7 +18,7 @@ pub enum ScgsError {
         /// Name of the option.
         option: &'static str,
     },
-    /// `nodes` has another shape.
+    /// `nodes` has a different shape.
     #[error("`nodes` has shape {shape:?}, expected [nodes, 3 or more]")]
     Nodes {
         /// Its shape.
@@ -41,10 +41,10 @@ pub enum ScgsError {
         /// Largest number accepted.
         largest: u64,
     },
-    /// The network is of another kind.
+    /// The network is of a different kind.
     #[error(transparent)]
     Network(#[from] Deformable3dgsError),
-    /// A tensor is missing or has another shape.
+    /// A tensor is missing or has a different shape.
     #[error("{0}")]
     Layers(#[from] LayersError),
     /// The tensors do not form a deformation field.

@@ -41,7 +41,7 @@ pub fn open(dir: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let bytes = read_bytes(&path)?;
     let tensors =
         pth::read(&bytes).and_then(pth::Root::into_state_dict).map_err(IoError::format(&path))?;
-    let layers = Layers::new(pth::beside(tensors, &["_node_radius"]));
+    let layers = Layers::new(pth::siblings_of(tensors, &["_node_radius"]));
     let mlp = deformable3dgs::network(&layers, "network.").map_err(IoError::format(&path))?;
     let graph = graph(&layers, &folder).map_err(IoError::format(&path))?;
     let is_blender = layers.has("network.timenet.0.weight");

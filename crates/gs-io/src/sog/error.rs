@@ -18,7 +18,7 @@ pub enum SogError {
     #[error("damaged SOG: {0}")]
     Damaged(String),
     /// No rows.
-    #[error("the SOG contains no Gaussians; export it again without removing everything")]
+    #[error("the SOG contains no Gaussians; export it again with at least one splat")]
     Empty,
     /// A `.tsog` clip instead of a frame.
     #[error("is a `.tsog` clip, expected one frame")]

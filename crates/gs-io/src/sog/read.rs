@@ -68,7 +68,7 @@ fn damaged(what: impl Into<String>) -> SogError {
 /// Reads a SOG archive.
 ///
 /// # Errors
-/// If it is another kind of archive, damaged, or of version 1.
+/// If it is a different kind of archive, damaged, or of version 1.
 pub fn read(bytes: &[u8]) -> Result<Frame, SogError> {
     let mut archive = Archive::open(Cursor::new(bytes)).map_err(damaged)?;
     let name = archive

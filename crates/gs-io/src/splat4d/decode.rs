@@ -46,8 +46,8 @@ pub(super) fn fixed(
 ) -> Result<Fixed, Splat4dError> {
     let cut = || Splat4dError::Stream("the static section is truncated".to_owned());
     // Tested before allocating: the values alone take this many bytes per splat.
-    let least: usize = Attribute::ALL.iter().map(|attribute| attribute.channels()).sum();
-    if n.saturating_mul(least) as u64 > *room {
+    let values: usize = Attribute::ALL.iter().map(|attribute| attribute.channels()).sum();
+    if n.saturating_mul(values) as u64 > *room {
         return Err(Splat4dError::Stream(format!(
             "{} bytes cannot contain {n} splats",
             section.len()

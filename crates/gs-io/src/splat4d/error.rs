@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Splat4dError {
-    /// Another kind of file.
+    /// A different kind of file.
     #[error("is not a .splat4d file: it does not begin with SP4D")]
     Magic,
     /// A later version of the format.

@@ -1,10 +1,10 @@
 //! The JSON header, which contains the absolute offsets of all following parts.
 
 use super::WriteOptions;
-use super::survey::Order;
 use super::value::{Attribute, Steps};
+use super::value_ranges::Order;
 use crate::clip::Clip;
-use crate::content::marks::SPLAT4D;
+use crate::content::magic::SPLAT4D;
 use serde_json::{Value, json};
 
 /// A compressed group of frames.
@@ -31,7 +31,7 @@ pub(super) struct Header<'a> {
 impl Header<'_> {
     /// The bytes before the static section: magic, version, flags and the
     /// JSON, given the lengths of the following parts.
-    pub(super) fn place(&self, fixed: usize, chunks: &[Chunk]) -> Vec<u8> {
+    pub(super) fn bytes(&self, fixed: usize, chunks: &[Chunk]) -> Vec<u8> {
         const FRONT: usize = 12;
         // The length depends on the number of digits of the offsets, which depend on the length.
         // The length only grows with each iteration, so the loop ends.

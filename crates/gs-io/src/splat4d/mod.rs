@@ -23,10 +23,10 @@ mod header;
 mod options;
 mod read;
 mod streams;
-mod survey;
 mod symbols;
 mod tracks;
 mod value;
+mod value_ranges;
 mod write;
 
 pub use error::Splat4dError;

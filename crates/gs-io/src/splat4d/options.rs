@@ -25,7 +25,7 @@ pub struct WriteOptions {
     pub rot: u8,
     /// Frames per group, each of which can be decoded separately. Default 30.
     pub gop: usize,
-    /// The world's upward direction, a note for our own reader. Default none.
+    /// The world's upward direction, read back by this crate only. Default none.
     pub up: Option<[f64; 3]>,
 }
 

@@ -4,7 +4,7 @@ use super::Splat4dError;
 use super::decode::{self, Cursor, Fixed, Grids};
 use super::value::Attribute;
 use crate::archive::decompress;
-use crate::content::marks::SPLAT4D;
+use crate::content::magic::SPLAT4D;
 use crate::error::IoError;
 use crate::frame_cache::FrameCache;
 use crate::fs::read_bytes;
@@ -17,20 +17,20 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 #[derive(Deserialize)]
-struct Header {
+struct HeaderJson {
     n: u32,
     t: u32,
     fps: f64,
-    steps: Steps,
+    steps: StepsJson,
     static_section: Section,
     gops: Vec<Gop>,
-    /// A note of our own writer; other writers do not write this key, other readers ignore it.
+    /// Written by this crate; other writers do not write this key, other readers ignore it.
     #[serde(default)]
     c4d_up: Option<[f64; 3]>,
 }
 
 #[derive(Deserialize)]
-struct Steps {
+struct StepsJson {
     pos: f64,
     scale_log: f64,
     rgb: f64,
@@ -95,15 +95,16 @@ pub struct Splat4dScene {
 
 /// A `.splat4d` scene and its properties.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: Splat4dScene,
-    /// Rows without rotation in some frame; if they have one in another frame,
+    /// Rows without rotation in some frame; if they have one in a different frame,
     /// they are invisible only in the frames without.
     pub repair: RepairReport,
     /// Frames per second.
     pub fps: f64,
-    /// The world's upward direction (about unit length), if our own writer noted it.
+    /// The world's upward direction (about unit length), if the file was written by this crate.
     pub up: Option<[f64; 3]>,
 }
 
@@ -165,7 +166,7 @@ pub fn open(path: &Path, damage: Damage) -> Result<OpenedClip, IoError> {
     read(read_bytes(path)?, damage).map_err(IoError::format(path))
 }
 
-fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
+fn header(bytes: &[u8]) -> Result<HeaderJson, Splat4dError> {
     let damaged = |what: String| Splat4dError::Header(what);
     let rest = bytes.strip_prefix(&SPLAT4D).ok_or(Splat4dError::Magic)?;
     let cut = || damaged("it is truncated".to_owned());
@@ -176,7 +177,7 @@ fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
         return Err(Splat4dError::Version { found: version });
     }
     let json = rest.get(..u32::from_le_bytes([l0, l1, l2, l3]) as usize).ok_or_else(cut)?;
-    let header: Header =
+    let header: HeaderJson =
         serde_json::from_slice(json).map_err(|error| damaged(error.to_string()))?;
     if header.n == 0 || header.t == 0 || header.t > MAX_FRAMES {
         return Err(damaged(format!(
@@ -187,7 +188,7 @@ fn header(bytes: &[u8]) -> Result<Header, Splat4dError> {
     Ok(header)
 }
 
-fn grids(steps: &Steps) -> Result<Grids, Splat4dError> {
+fn grids(steps: &StepsJson) -> Result<Grids, Splat4dError> {
     let grids = Grids {
         moving: [steps.pos, steps.rot, steps.rgb, steps.alpha, steps.scale_log],
         fixed_pos: steps.base_pos,
@@ -204,7 +205,7 @@ fn grids(steps: &Steps) -> Result<Grids, Splat4dError> {
 
 /// The groups of frames, which must be in order, without
 /// missing frames and without overlapping bytes.
-fn spans(header: &Header, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
+fn spans(header: &HeaderJson, bytes: &[u8]) -> Result<Vec<Span>, Splat4dError> {
     let (mut frame, mut free) = (0, 0);
     let mut spans = Vec::with_capacity(header.gops.len());
     for (index, gop) in header.gops.iter().enumerate() {

@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn planes_widen_when_needed() {
         let mut symbols: Symbols = [1, 0x1_00, 0x1_0000].into_iter().collect();
-        assert_eq!(symbols.width, 4, "widest symbol decides");
+        assert_eq!(symbols.width, 4, "width of the widest symbol");
         assert_eq!(symbols.planes[0], [1, 0, 0], "low bytes");
         assert_eq!(symbols.planes[1], [0, 1, 0], "second bytes");
         assert_eq!(symbols.planes[2], [0, 0, 1], "third bytes");

@@ -1,8 +1,8 @@
 //! The binary parts: the static section, and the chunks of changing values.
 
-use super::survey::{Order, Survey};
 use super::symbols::{Kind, Stream, Symbols, zigzag};
 use super::value::{Attribute, Steps, values};
+use super::value_ranges::{Order, ValueRanges};
 use crate::clip::Hemispheres;
 use gs_core::Splats;
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use std::io;
 /// value of the first frame, so that this section alone is sufficient to show it.
 pub(super) fn static_section(
     order: &Order,
-    survey: &Survey,
+    ranges: &ValueRanges,
     first: &Splats,
     hemispheres: &Hemispheres,
     steps: &Steps,
@@ -21,11 +21,11 @@ pub(super) fn static_section(
         Attribute::ALL.iter().map(|&attribute| (attribute, static_map(order, attribute))).collect();
     let base = [Attribute::Pos, Attribute::Scale, Attribute::Rgb, Attribute::Alpha, Attribute::Rot];
     for attribute in base {
-        let bins = |place: usize| {
-            let row = order.rows[place];
-            survey
+        let bins = |position: usize| {
+            let row = order.rows[position];
+            ranges
                 .constant_bins(attribute, row, steps)
-                .filter(|_| !order.changes(place, attribute))
+                .filter(|_| !order.changes(position, attribute))
                 .unwrap_or_else(|| {
                     values(attribute, first, hemispheres, row)
                         .map(|value| Steps::bin(value, steps.fixed(attribute)))
@@ -34,8 +34,8 @@ pub(super) fn static_section(
         let channels = attribute.channels();
         let mut before = [0; 4];
         let mut symbols = Symbols::default();
-        for place in 0..order.rows.len() {
-            let bins = bins(place);
+        for position in 0..order.rows.len() {
+            let bins = bins(position);
             for k in 0..channels {
                 symbols.push(match attribute {
                     Attribute::Pos | Attribute::Scale => zigzag(bins[k] - before[k]),
@@ -64,8 +64,8 @@ fn static_map(order: &Order, attribute: Attribute) -> Symbols {
     places
         .chunks(8)
         .map(|eight| {
-            eight.iter().enumerate().fold(0, |byte, (bit, &place)| {
-                byte | u32::from(!order.changes(place, attribute)) << (7 - bit)
+            eight.iter().enumerate().fold(0, |byte, (bit, &position)| {
+                byte | u32::from(!order.changes(position, attribute)) << (7 - bit)
             })
         })
         .collect()

@@ -94,7 +94,7 @@ impl Steps {
     /// Index of the grid point closest to `value`.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "Survey::check_range has verified every value that is written"
+        reason = "ValueRanges::check_range has verified every value that is written"
     )]
     pub(super) fn bin(value: f32, step: f64) -> i32 {
         (f64::from(value) / step).round() as i32

@@ -2,13 +2,13 @@
 
 use super::WriteOptions;
 use super::header::{Chunk, Header};
-use super::survey::Survey;
 use super::tracks::{self, Tracks};
 use super::value::{Attribute, Steps};
+use super::value_ranges::ValueRanges;
 use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence};
 use crate::error::IoError;
+use crate::format_losses::FormatLosses;
 use crate::fs::{AtomicFile, Existing};
-use crate::losses::Losses;
 use std::io::Write;
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub struct WriteReport {
     /// Bytes of the file.
     pub bytes: u64,
     /// Losses of the file.
-    pub losses: Losses,
+    pub losses: FormatLosses,
 }
 
 /// Writes the clip. The scene is evaluated [`PASSES`] times per frame; `progress` is called with
@@ -53,21 +53,21 @@ pub fn write(
     options.check(path)?;
     let mut file = AtomicFile::create(path, existing)?;
 
-    let mut survey = Survey::new(clip.scene.num_splats());
-    let mut sound = ValidRows::new(clip.scene.num_splats());
+    let mut ranges = ValueRanges::new(clip.scene.num_splats());
+    let mut valid = ValidRows::new(clip.scene.num_splats());
     let mut hemispheres = Hemispheres::default();
     clip.each_frame(path, |index, splats| {
         hemispheres.follow(splats);
-        sound.see(splats);
-        survey.see(splats, &hemispheres);
+        valid.add(splats);
+        ranges.add(splats, &hemispheres);
         progress(index + 1);
         Ok(())
     })?;
-    let rows = sound.rows(path)?;
-    let position_bound = options.tolerance * survey.size(&rows);
+    let rows = valid.rows(path)?;
+    let position_bound = options.tolerance * ranges.size(&rows);
     let steps = Steps::new(options, position_bound);
-    survey.check_range(path, &steps, &rows)?;
-    let order = survey.order(&rows, &steps);
+    ranges.check_range(path, &steps, &rows)?;
+    let order = ranges.order(&rows, &steps);
 
     let mut tracks = Tracks::new(&order, steps);
     let mut hemispheres = Hemispheres::default();
@@ -75,7 +75,7 @@ pub fn write(
     clip.each_frame(path, |index, splats| {
         hemispheres.follow(splats);
         if index == 0 {
-            fixed = tracks::static_section(&order, &survey, splats, &hemispheres, &steps)
+            fixed = tracks::static_section(&order, &ranges, splats, &hemispheres, &steps)
                 .map_err(IoError::write(path))?;
         }
         tracks.push(splats, &hemispheres, index % options.gop == 0);
@@ -88,8 +88,8 @@ pub fn write(
         Ok(())
     })?;
 
-    let header = Header { clip, options, steps: &steps, order: &order, aabb: survey.bounds(&rows) };
-    let header = header.place(fixed.len(), &chunks);
+    let header = Header { clip, options, steps: &steps, order: &order, aabb: ranges.bounds(&rows) };
+    let header = header.bytes(fixed.len(), &chunks);
     let bytes =
         (header.len() + fixed.len() + chunks.iter().map(|c| c.bytes.len()).sum::<usize>()) as u64;
     let parts = std::iter::once(&header).chain([&fixed]).chain(chunks.iter().map(|c| &c.bytes));
@@ -106,8 +106,13 @@ pub fn write(
     })
 }
 
-fn losses(clip: &Clip<'_>, options: &WriteOptions, position_bound: f64, written: usize) -> Losses {
-    let mut losses = Losses::none();
+fn losses(
+    clip: &Clip<'_>,
+    options: &WriteOptions,
+    position_bound: f64,
+    written: usize,
+) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     let degree = clip.scene.sh_degree();
     if degree > 0 {
         losses.push(format!("SH degree {degree} becomes 0: colour no longer depends on the view"));

@@ -19,6 +19,6 @@ pub enum SplatFileError {
         found: u128,
     },
     /// No rows.
-    #[error("the .splat contains no Gaussians; export it again without removing everything")]
+    #[error("the .splat contains no Gaussians; export it again with at least one splat")]
     Empty,
 }

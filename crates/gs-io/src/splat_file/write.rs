@@ -2,7 +2,7 @@
 
 use crate::bytes8::{channel_of, unorm8};
 use crate::content::splat_rows::ROW;
-use crate::losses::Losses;
+use crate::format_losses::FormatLosses;
 use gs_core::{Splats, quat};
 use rayon::prelude::*;
 use std::io::{self, Write};
@@ -12,12 +12,12 @@ use std::io::{self, Write};
 /// # Errors
 /// If the arrays of `splats` have inconsistent lengths ([`io::ErrorKind::InvalidInput`]) or writing
 /// fails.
-pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<Losses> {
+pub fn write(splats: &Splats, out: &mut impl Write) -> io::Result<FormatLosses> {
     splats.check_shapes().map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error))?;
     let rows: Vec<[u8; ROW]> =
         (0..splats.len()).into_par_iter().map(|i| format_row(splats, i)).collect();
     out.write_all(rows.as_flattened())?;
-    let mut losses = Losses::none();
+    let mut losses = FormatLosses::none();
     if splats.sh_degree > 0 {
         losses.push(format!(
             "SH degree {} becomes 0: colour no longer depends on the view",

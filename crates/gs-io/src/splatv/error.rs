@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SplatvError {
-    /// Another kind of file.
+    /// A different kind of file.
     #[error("is not a .splatv file: it does not begin with 0x674B")]
     Magic,
     /// The header is truncated or not JSON of this schema.

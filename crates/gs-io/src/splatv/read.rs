@@ -2,7 +2,7 @@
 
 use super::SplatvError;
 use super::row::{BYTES, Row};
-use crate::content::marks::SPLATV;
+use crate::content::magic::SPLATV;
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::repair::{self, Damage, RepairReport, Sanitized};
@@ -16,19 +16,20 @@ struct Part {
     #[serde(rename = "type")]
     kind: String,
     size: u64,
-    /// A note of our own writer; other writers do not write this key, other readers ignore it.
+    /// Written by this crate; other writers do not write this key, other readers ignore it.
     #[serde(default)]
     c4d_up: Option<[f64; 3]>,
 }
 
 /// A `.splatv` scene and its properties.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct OpenedClip {
     /// The scene, times 0 to 1.
     pub scene: PolynomialScene,
     /// Damaged rows.
     pub repair: RepairReport,
-    /// The world's upward direction (about unit length), if our own writer noted it.
+    /// The world's upward direction (about unit length), if the file was written by this crate.
     pub up: Option<[f64; 3]>,
 }
 

@@ -3,11 +3,11 @@
 use super::fit::{Basis, shifted};
 use super::row::{BYTES, Row, level};
 use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence, trimmed_diagonal};
-use crate::content::marks::SPLATV;
+use crate::content::magic::SPLATV;
 use crate::error::IoError;
-use crate::fade::{ALWAYS, Sums as FadeSums};
+use crate::format_losses::FormatLosses;
 use crate::fs::{AtomicFile, Existing};
-use crate::losses::Losses;
+use crate::opacity_fit::{ALWAYS, Sums as FadeSums};
 use crate::repair;
 use gs_core::{Camera, DynamicScene, Splats, nearest_rank, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene};
@@ -37,7 +37,7 @@ pub struct WriteOptions {
     pub force: bool,
     /// The initial camera of players; errors are reported in its pixels.
     pub camera: Camera,
-    /// The scene's upward direction, world frame: a note for our own reader.
+    /// The scene's upward direction, world frame: read back by this crate only.
     pub up: [f64; 3],
 }
 
@@ -65,7 +65,7 @@ pub struct WriteReport {
     /// Angle between the scene's rotations and those in the file, degrees.
     pub degrees: Misfit,
     /// Losses of the file.
-    pub losses: Losses,
+    pub losses: FormatLosses,
 }
 
 /// Writes the clip with its times scaled to 0 … 1. The scene is evaluated [`PASSES`] times per
@@ -96,7 +96,7 @@ pub fn write(
     let times: Vec<f64> = (0..clip.times.len()).map(|i| i as f64 / last - 0.5).collect();
     let basis = Basis::new(&times);
     let mut sums = vec![Sums::default(); clip.scene.num_splats()];
-    let mut sound = ValidRows::new(clip.scene.num_splats());
+    let mut valid = ValidRows::new(clip.scene.num_splats());
     let mut hemispheres = Hemispheres::default();
     let mut ends = Vec::new();
     clip.each_frame(path, |index, splats| {
@@ -104,7 +104,7 @@ pub fn write(
             ends.extend_from_slice(&splats.means);
         }
         hemispheres.follow(splats);
-        sound.see(splats);
+        valid.add(splats);
         let weights = basis.weights(index);
         sums.par_iter_mut().enumerate().for_each(|(row, sums)| {
             sums.add(splats, hemispheres.get(row), row, times[index], weights);
@@ -112,20 +112,20 @@ pub fn write(
         progress(index + 1);
         Ok(())
     })?;
-    let kept = sound.rows(path)?;
+    let kept = valid.rows(path)?;
     let means: [f64; 4] = std::array::from_fn(|power| {
         let power = i32::try_from(power).unwrap_or(0);
         times.iter().map(|t| t.powi(power)).sum::<f64>() / times.len() as f64
     });
     let rows: Vec<Row> = kept.par_iter().map(|&row| sums[row].row(&basis, means)).collect();
     drop(sums);
-    if let Some(place) = rows.iter().position(Row::is_damaged) {
+    if let Some(index) = rows.iter().position(Row::is_damaged) {
         return Err(IoError::content(
             path,
             format!(
                 "splat {} moves or rotates too far for the format's 16-bit numbers; shorten the \
                 clip",
-                kept[place]
+                kept[index]
             ),
         ));
     }
@@ -220,13 +220,13 @@ impl Sums {
             }
             mean[k] = single(constant);
         }
-        let turn: [[f64; 4]; 4] =
+        let quat_powers: [[f64; 4]; 4] =
             self.quat.map(|sums| shifted(basis.coefficients(sums, 1), centre));
-        let length = turn.iter().map(|q| q[0] * q[0]).sum::<f64>().sqrt().max(1e-6);
+        let length = quat_powers.iter().map(|q| q[0] * q[0]).sum::<f64>().sqrt().max(1e-6);
         let stored = |value: f64| single(half(value));
         Row {
             mean,
-            quat: turn.map(|q| stored(q[0] / length)),
+            quat: quat_powers.map(|q| stored(q[0] / length)),
             scale: self.log_scale.map(|sum| stored((sum / self.count).exp().min(65504.0))),
             rgba: {
                 let [r, g, b] =
@@ -235,7 +235,7 @@ impl Sums {
             },
             motion: Polynomial {
                 velocity,
-                omega: turn.map(|q| stored(q[1] / length)),
+                omega: quat_powers.map(|q| stored(q[1] / length)),
                 centre: stored(centre + 0.5),
                 width: stored(fade.width.clamp(1e-4, ALWAYS)),
             },
@@ -297,7 +297,7 @@ fn measure(
         let errors: Vec<Errors> = kept
             .par_iter()
             .enumerate()
-            .map(|(place, &row)| errors_of(truth, row, &fitted, place, camera))
+            .map(|(index, &row)| errors_of(truth, row, &fitted, index, camera))
             .collect();
         for (worst, errors) in worst.iter_mut().zip(errors) {
             for (k, error) in errors.into_iter().enumerate() {
@@ -328,30 +328,30 @@ fn largest(worst: &[Errors], k: usize) -> f64 {
     worst.iter().map(|worst| worst[k]).fold(0.0, f32::max).into()
 }
 
-fn errors_of(truth: &Splats, row: usize, fitted: &Splats, place: usize, camera: &Camera) -> Errors {
-    let (a, b) = (truth.means[row].map(f64::from), fitted.means[place].map(f64::from));
+fn errors_of(truth: &Splats, row: usize, fitted: &Splats, index: usize, camera: &Camera) -> Errors {
+    let (a, b) = (truth.means[row].map(f64::from), fitted.means[index].map(f64::from));
     let distance = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
     let pixels = camera.project(a).zip(camera.project(b)).map_or(0.0, |(a, b)| {
         let [dx, dy] = [a[0] - b[0], a[1] - b[1]];
         dx.hypot(dy)
     });
-    let (p, q) = (truth.rotation(row).map(f64::from), fitted.rotation(place).map(f64::from));
+    let (p, q) = (truth.rotation(row).map(f64::from), fitted.rotation(index).map(f64::from));
     // The sine of half the angle, which is accurate for small angles.
     let q = quat::align(q, p);
     let chord = (0..4).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>().sqrt();
     let degrees = (4.0 * (chord / 2.0).min(1.0).asin()).to_degrees();
     let widest = |values: [f32; 3]| values.into_iter().map(f32::abs).fold(0.0, f32::max);
-    let scale = widest([0, 1, 2].map(|k| truth.log_scales[row][k] - fitted.log_scales[place][k]));
+    let scale = widest([0, 1, 2].map(|k| truth.log_scales[row][k] - fitted.log_scales[index][k]));
     let rgb = |splats: &Splats, row: usize, k: usize| {
         (0.5 + sh::C0 * splats.sh_of(row)[0][k]).clamp(0.0, 1.0)
     };
-    let colour = widest([0, 1, 2].map(|k| rgb(truth, row, k) - rgb(fitted, place, k)));
-    let opacity = (truth.opacity(row) - fitted.opacity(place)).abs();
+    let colour = widest([0, 1, 2].map(|k| rgb(truth, row, k) - rgb(fitted, index, k)));
+    let opacity = (truth.opacity(row) - fitted.opacity(index)).abs();
     [single(distance), single(pixels), single(degrees), scale, colour, opacity]
 }
 
-fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> Losses {
-    let mut losses = Losses::none();
+fn losses(clip: &Clip<'_>, misfit: &Measured, written: usize) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     let degree = clip.scene.sh_degree();
     if degree > 0 {
         losses.push(format!("SH degree {degree} becomes 0: colour no longer depends on the view"));

@@ -30,7 +30,7 @@ pub enum SpzError {
     #[error("damaged SPZ: {0}")]
     Damaged(String),
     /// No rows.
-    #[error("the SPZ contains no Gaussians; export it again without removing everything")]
+    #[error("the SPZ contains no Gaussians; export it again with at least one splat")]
     Empty,
 }
 

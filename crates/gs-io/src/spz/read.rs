@@ -12,7 +12,7 @@ use super::quantize::{
 use crate::archive::decompress;
 use crate::axes::{self, Axes, AxesReading};
 use crate::bytes8::{ends_note, logit_of, smallest_three_rad};
-use crate::content::marks::SPZ;
+use crate::content::magic::SPZ;
 use crate::frame::{Frame, FrameFormat, Shape};
 use gs_core::sh::{MAX_DEGREE, num_coeffs};
 use gs_core::{Precision, RowPrecision, Splats};
@@ -111,7 +111,7 @@ pub(crate) fn shape(start: &[u8]) -> Result<Shape, SpzError> {
 /// the file, else from [`Axes::RUB`]; [`Frame::axes`] has the original axes.
 ///
 /// # Errors
-/// If it is of another kind or version, truncated, or decompresses to more than plausible for its
+/// If it is of a different kind or version, truncated, or decompresses to more than plausible for its
 /// size.
 pub fn read(bytes: &[u8]) -> Result<Frame, SpzError> {
     let (layout, mut frame, stated) = read_stored(bytes)?;

@@ -6,8 +6,8 @@ use super::quantize::{
 };
 use crate::axes::{self, Axes};
 use crate::bytes8::unorm8;
-use crate::content::marks::SPZ;
-use crate::losses::Losses;
+use crate::content::magic::SPZ;
+use crate::format_losses::FormatLosses;
 use crate::sh_error::ShError;
 use gs_core::{Splats, sh};
 use std::io::{self, Write};
@@ -42,7 +42,11 @@ impl Default for WriteOptions {
 /// # Errors
 /// If the arrays of `splats` have inconsistent lengths, there are none or too many, or an option is
 /// out of range ([`io::ErrorKind::InvalidInput`]); if writing fails.
-pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> io::Result<Losses> {
+pub fn write(
+    splats: &Splats,
+    options: &WriteOptions,
+    out: &mut impl Write,
+) -> io::Result<FormatLosses> {
     let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidInput, what);
     splats.check_shapes().map_err(|error| invalid(error.to_string()))?;
     let num_splats = u32::try_from(splats.len()).ok().filter(|&count| count > 0);
@@ -53,9 +57,9 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
     }
     let degree = options.sh_degree.map_or(splats.sh_degree, |degree| degree.min(splats.sh_degree));
     let bits = fractional_bits(splats);
-    let mut turned = splats.clone();
-    axes::convert(&mut turned, Axes::PLY, options.axes);
-    let parts = parts(&turned, degree, bits, options.sh_bits);
+    let mut converted = splats.clone();
+    axes::convert(&mut converted, Axes::PLY, options.axes);
+    let parts = parts(&converted, degree, bits, options.sh_bits);
     let record = [EXTENSION_AXES, 4, options.axes.code()].map(u32::to_le_bytes).concat();
     let mut header = Vec::with_capacity(HEADER_4);
     header.extend_from_slice(&SPZ);
@@ -78,7 +82,7 @@ pub fn write(splats: &Splats, options: &WriteOptions, out: &mut impl Write) -> i
         4 => write_4(header, &record, &parts, out)?,
         other => return Err(invalid(format!("SPZ version {other}, expected 3 or 4"))),
     }
-    Ok(losses(splats, &turned, degree, bits, &parts[5], options))
+    Ok(losses(splats, &converted, degree, bits, &parts[5], options))
 }
 
 fn write_4(
@@ -107,7 +111,7 @@ fn write_4(
 }
 
 /// Smallest number of fractional bits for the sake of a few distant splats: a step of 1/256 units.
-const LEAST_FOR_FEW: u8 = 8;
+const MIN_BITS_WITH_OUTLIERS: u8 = 8;
 /// Number of steps across a scene below which more fractional bits are
 /// used; a pixel of a large image is several steps.
 const STEPS: f32 = 16_384.0;
@@ -115,7 +119,7 @@ const STEPS: f32 = 16_384.0;
 const MAX_FRACTIONAL_BITS: u8 = 23;
 /// Share of distant splats (floaters) that may be clamped rather
 /// than reduce the fractional bits further.
-const FEW: f64 = 0.001;
+const OUTLIER_SHARE: f64 = 0.001;
 
 /// Whether a finite centre is out of range with `bits` fractional bits.
 fn is_beyond(mean: &[f32; 3], bits: u8) -> bool {
@@ -124,16 +128,16 @@ fn is_beyond(mean: &[f32; 3], bits: u8) -> bool {
 }
 
 /// Fractional bits with which all centres fit: usually 12, fewer for larger scenes
-/// (below [`LEAST_FOR_FEW`], all but a share of [`FEW`] have to fit), more for
+/// (below [`MIN_BITS_WITH_OUTLIERS`], all but a share of [`OUTLIER_SHARE`] have to fit), more for
 /// scenes so small that steps of 1/4096 would be visible.
 fn fractional_bits(splats: &Splats) -> u8 {
     let beyond = |bits: u8| splats.means.iter().filter(|mean| is_beyond(mean, bits)).count();
-    let few = |count: usize| count as f64 <= FEW * splats.len() as f64;
+    let are_outliers = |count: usize| count as f64 <= OUTLIER_SHARE * splats.len() as f64;
     (0..=FRACTIONAL_BITS.max(fine_bits(splats)))
         .rev()
         .find(|&bits| match beyond(bits) {
             0 => true,
-            count => bits <= LEAST_FOR_FEW && few(count),
+            count => bits <= MIN_BITS_WITH_OUTLIERS && are_outliers(count),
         })
         .unwrap_or(0)
 }
@@ -162,16 +166,16 @@ fn parts(splats: &Splats, degree: usize, bits: u8, sh_bits: [u32; 2]) -> [Vec<u8
     ]
 }
 
-/// Colour error of `harmonics`, the SH bytes of `turned`.
-fn sh_error(turned: &Splats, degree: usize, harmonics: &[u8]) -> ShError {
+/// Colour error of `harmonics`, the SH bytes of `converted`.
+fn sh_error(converted: &Splats, degree: usize, harmonics: &[u8]) -> ShError {
     let mut error = ShError::default();
     let stored = sh::num_coeffs(degree) - 1;
     let mut read = Vec::with_capacity(stored);
-    for i in 0..turned.len() {
+    for i in 0..converted.len() {
         read.clear();
         let bytes = harmonics.get(3 * stored * i..3 * stored * (i + 1)).unwrap_or_default();
         read.extend(bytes.as_chunks::<3>().0.iter().map(|rgb| rgb.map(from_harmonic)));
-        error.add(&turned.sh_of(i)[1..], &read);
+        error.add(&converted.sh_of(i)[1..], &read);
     }
     error
 }
@@ -190,13 +194,13 @@ fn fine_bits(splats: &Splats) -> u8 {
 
 fn losses(
     splats: &Splats,
-    turned: &Splats,
+    converted: &Splats,
     degree: usize,
     bits: u8,
     harmonics: &[u8],
     options: &WriteOptions,
-) -> Losses {
-    let mut losses = Losses::none();
+) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     if degree < splats.sh_degree {
         losses.push(format!("SH degree {} becomes {degree}", splats.sh_degree));
     }
@@ -236,7 +240,7 @@ fn losses(
         };
         losses.push(format!(
             "{kept}: colours are off by {}",
-            sh_error(turned, degree, harmonics).in_steps()
+            sh_error(converted, degree, harmonics).in_steps()
         ));
     }
     if options.version >= 4 {

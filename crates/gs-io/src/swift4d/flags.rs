@@ -39,15 +39,15 @@ fn number(
 }
 
 /// Resolves all flags except the index rule, and reports them.
-pub(super) fn decide(
+pub(super) fn resolve(
     params: &Params<'_>,
     cfg: Option<&CfgArgs>,
     overrides: &Swift4dOverrides,
     report: &mut ModelReport,
 ) -> Result<Settings, String> {
-    let shape = decide_shape(params, cfg, overrides, report)?;
-    let trunk_relu = decide_activation(cfg, overrides, report)?;
-    let (dynamic_thro, origin) = decide_threshold(cfg, overrides)?;
+    let shape = resolve_shape(params, cfg, overrides, report)?;
+    let trunk_relu = resolve_activation(cfg, overrides, report)?;
+    let (dynamic_thro, origin) = resolve_threshold(cfg, overrides)?;
     push(report, "dynamic_thro", &dynamic_thro, origin);
     let (clip, guess) =
         if is_vru(cfg) { (VRU_WINDOW, Origin::FamilyGuess) } else { (CLIP, Origin::Default) };
@@ -65,7 +65,7 @@ pub(super) fn decide(
     let stated = cfg.and_then(|cfg| cfg.get("n_neurons")).and_then(Value::as_u64);
     if let Some(stated) = stated.filter(|&stated| stated != params.width() as u64) {
         report.warnings.push(format!(
-            "cfg_args has n_neurons {stated}, the network has {}: cfg_args may belong to another \
+            "cfg_args has n_neurons {stated}, the network has {}: cfg_args may belong to a different \
             run, check the flags",
             params.width()
         ));
@@ -83,7 +83,7 @@ fn push(report: &mut ModelReport, name: &'static str, value: &dyn ToString, orig
     report.flags.push(FlagReport { name, value: value.to_string(), origin });
 }
 
-fn decide_shape(
+fn resolve_shape(
     params: &Params<'_>,
     cfg: Option<&CfgArgs>,
     overrides: &Swift4dOverrides,
@@ -123,7 +123,7 @@ fn decide_shape(
     shape.check().map_err(|error| error.to_string())?;
     if params.expected_len(&shape) != found {
         return Err(format!(
-            "has {found} values in `enc_model.params`, but n_levels {levels}, n_features_per_level {features}, hashmap_size {}, base_resolution {base} and {} neurons make {}; cfg_args may be missing or of another run: give these flags as in training",
+            "has {found} values in `enc_model.params`, but n_levels {levels}, n_features_per_level {features}, hashmap_size {}, base_resolution {base} and {} neurons make {}; cfg_args may be missing or from a different run; set these flags as in training",
             shape.log2_table,
             params.width(),
             params.expected_len(&shape)
@@ -136,7 +136,7 @@ fn decide_shape(
     Ok(shape)
 }
 
-fn decide_activation(
+fn resolve_activation(
     cfg: Option<&CfgArgs>,
     overrides: &Swift4dOverrides,
     report: &mut ModelReport,
@@ -152,15 +152,15 @@ fn decide_activation(
         }
         (None, Some(other)) => {
             return Err(format!(
-                "was trained with activation {other:?} according to cfg_args; only ReLU and None can be evaluated"
+                "was trained with activation {other:?} according to cfg_args, expected ReLU or None"
             ));
         }
         (None, None) => {
             return Err(
-                "does not record whether its trunk ends in a ReLU, and there is no cfg_args; give \
+                "does not record whether its trunk ends in a ReLU, and there is no cfg_args; set \
                 activation=none for coffee_martini, vrheadset, trimming and basketball, \
-                activation=relu for the other published scenes; if the motion looks torn apart, \
-                use the other one"
+                activation=relu for the other published scenes, or the other value if the motion \
+                looks torn apart"
                     .to_owned(),
             );
         }
@@ -169,7 +169,7 @@ fn decide_activation(
     Ok(relu)
 }
 
-fn decide_threshold(
+fn resolve_threshold(
     cfg: Option<&CfgArgs>,
     overrides: &Swift4dOverrides,
 ) -> Result<(f32, Origin), String> {
@@ -184,7 +184,7 @@ fn decide_threshold(
         (None, None) => (DYNAMIC_THRO, Origin::Default),
     };
     if threshold.is_nan() {
-        return Err("has a dynamic_thro that is not a number; give dynamic_thro".to_owned());
+        return Err("has a dynamic_thro that is not a number; set dynamic_thro".to_owned());
     }
     Ok((threshold, origin))
 }

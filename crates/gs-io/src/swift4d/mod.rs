@@ -9,7 +9,7 @@
 
 mod error;
 mod flags;
-mod hint;
+mod index_rule;
 mod network;
 mod read;
 mod settings;

@@ -31,7 +31,7 @@ fn head_len(width: usize, component: Component) -> usize {
 impl<'a> Params<'a> {
     /// Infers the width from the heads, which must all agree.
     pub(super) fn new(tensors: Vec<(String, Tensor<'a>)>) -> Result<Self, Swift4dError> {
-        let tensors = pth::beside(tensors, &["enc_model.params"]);
+        let tensors = pth::siblings_of(tensors, &["enc_model.params"]);
         let mut params = Self { by_name: tensors.into_iter().collect(), width: 0 };
         if !HEADS.iter().chain([&ENCODER]).any(|name| params.get(name).is_some()) {
             let names: Vec<&str> = params.by_name.keys().map(String::as_str).take(4).collect();

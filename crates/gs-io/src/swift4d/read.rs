@@ -2,7 +2,7 @@
 
 use super::network::{self, Params};
 use super::settings::Settings;
-use super::{Swift4dError, flags, hint};
+use super::{Swift4dError, flags, index_rule};
 use crate::error::IoError;
 use crate::fs::read_bytes;
 use crate::model_folder::{
@@ -29,7 +29,7 @@ pub(crate) fn looks_like_model(dir: &Path) -> bool {
     match (has(FIELD), has("deformation.pth")) {
         (true, false) => true,
         (false, true) => false,
-        // If both or neither exist, the PLY decides.
+        // If both or neither exist, the kind is determined from the PLY.
         _ => has_score(&iteration.dir.join("point_cloud.ply")),
     }
 }
@@ -58,7 +58,7 @@ pub fn open(dir: &Path, overrides: &Overrides) -> Result<Model, IoError> {
         return Err(IoError::content(
             &path,
             "is missing, without which the model cannot move; copy it from the machine that \
-            trained the model (training writes it beside point_cloud.ply), or choose another \
+            trained the model (training writes it next to point_cloud.ply), or choose a different \
             iteration",
         ));
     }
@@ -66,7 +66,7 @@ pub fn open(dir: &Path, overrides: &Overrides) -> Result<Model, IoError> {
     let tensors =
         pth::read(&bytes).and_then(pth::Root::into_state_dict).map_err(IoError::format(&path))?;
     let params = Params::new(tensors).map_err(IoError::format(&path))?;
-    let settings = flags::decide(&params, cfg.as_ref(), &overrides.swift4d, &mut report)
+    let settings = flags::resolve(&params, cfg.as_ref(), &overrides.swift4d, &mut report)
         .map_err(Swift4dError::Flags)
         .map_err(IoError::format(&path))?;
     let dynamic = read_dynamic(&iteration, settings.dynamic_thro, &mut report)?;
@@ -119,9 +119,9 @@ fn index_rule(
             let moving = splats.means.iter().zip(dynamic).filter(|(_, dynamic)| **dynamic);
             let xs: Vec<f32> =
                 moving.filter_map(|(mean, _)| bounds.normalize(*mean)).map(|[x, _, _]| x).collect();
-            let rule = hint::index_rule(grid, &xs).ok_or_else(|| Swift4dError::Flags(format!(
+            let rule = index_rule::infer(grid, &xs).ok_or_else(|| Swift4dError::Flags(format!(
                 "is evaluated differently by tiny-cuda-nn before and after 24 June 2025 (levels \
-                {ambiguous:?}), and the table does not show which version trained it; give \
+                {ambiguous:?}), and the table does not show which version trained it; set \
                 index_rule=older for models trained before that date (including all released by \
                 the authors), or index_rule=current"
             )))?;
@@ -159,7 +159,7 @@ fn read_dynamic(
     let nan = scores.iter().filter(|score| score.is_nan()).count();
     if nan > 0 {
         report.warnings.push(format!(
-            "{}: {nan} of {} dynamic scores are NaN: these Gaussians stay static",
+            "{}: {nan} of {} dynamic scores are NaN: these Gaussians are static",
             path.display(),
             scores.len()
         ));

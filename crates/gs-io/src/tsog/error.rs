@@ -9,7 +9,7 @@ pub enum TsogError {
     /// The archive or a plane is damaged.
     #[error("is a damaged .tsog: {0}; copy or export it again")]
     Damaged(String),
-    /// `meta.json` is malformed, or of another version, profile or timeline.
+    /// `meta.json` is malformed, or of a different version, profile or timeline.
     #[error("{0}")]
     Meta(String),
 }

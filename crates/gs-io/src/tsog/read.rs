@@ -26,7 +26,7 @@ const LOSSY_AT: usize = 12;
 /// Opens a `.tsog` archive.
 ///
 /// # Errors
-/// If the file cannot be read, is damaged, or has another version, profile or timeline.
+/// If the file cannot be read, is damaged, or has a different version, profile or timeline.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<OpenedScene, IoError> {
     let wrong = |what: String| IoError::format(path)(TsogError::Meta(what));
     let bytes = read_bytes(path)?;

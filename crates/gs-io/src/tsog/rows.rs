@@ -31,7 +31,7 @@ pub(super) fn decode(
 ) -> Result<Rows, String> {
     let count = usize::try_from(meta.count).unwrap_or(usize::MAX);
     if count == 0 {
-        return Err("contains no splats; export it again".to_owned());
+        return Err("contains no splats; export it again with at least one splat".to_owned());
     }
     let mut plane = |name: &str| {
         let plane = planes(name)?;

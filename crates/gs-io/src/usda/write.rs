@@ -2,8 +2,8 @@
 
 use crate::clip::{Clip, Hemispheres, ValidRows, dropped_sentence};
 use crate::error::IoError;
+use crate::format_losses::FormatLosses;
 use crate::fs::{AtomicFile, Existing};
-use crate::losses::Losses;
 use gs_core::{Splats, sh};
 use rayon::prelude::*;
 use std::fmt::Write as _;
@@ -46,7 +46,7 @@ pub struct WriteReport {
     /// Attributes with time samples.
     pub sampled: Vec<&'static str>,
     /// Losses of the file.
-    pub losses: Losses,
+    pub losses: FormatLosses,
 }
 
 /// Attribute of a splat, named as in the schema.
@@ -108,20 +108,20 @@ pub fn write(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<WriteReport, IoError> {
     clip.check(path)?;
-    let turn = turn_to_y(options.up)
+    let rotation = rotation_to_y(options.up)
         .ok_or_else(|| IoError::content(path, "the upward direction has no length"))?;
     let mut file = AtomicFile::create(path, existing)?;
     let degree = options.sh_degree.unwrap_or(clip.scene.sh_degree()).min(clip.scene.sh_degree());
     let frames = clip.times.len();
 
-    let mut survey = Survey::new(clip.scene.num_splats());
+    let mut pass = FirstPass::new(clip.scene.num_splats());
     clip.each_frame(path, |index, splats| {
-        survey.see(splats);
+        pass.add(splats);
         progress(index + 1, 2 * frames);
         Ok(())
     })?;
-    let rows = survey.sound.rows(path)?;
-    let sampled = |attribute: Attribute| survey.changes[attribute as usize];
+    let rows = pass.valid.rows(path)?;
+    let sampled = |attribute: Attribute| pass.changes[attribute as usize];
     let estimate: u64 = Attribute::ALL
         .into_iter()
         .map(|a| if sampled(a) { frames as u64 } else { 1 } * a.numbers(degree))
@@ -161,12 +161,12 @@ pub fn write(
         })?;
     }
 
-    file.write_all(head(clip, &turn, degree).as_bytes()).map_err(failed(path))?;
+    file.write_all(head(clip, &rotation, degree).as_bytes()).map_err(failed(path))?;
     let mut text = String::new();
-    survey.write_extents(clip, &mut text);
+    pass.write_extents(clip, &mut text);
     file.write_all(text.as_bytes()).map_err(failed(path))?;
     let mut hemispheres = Hemispheres::default();
-    hemispheres.follow(&survey.first);
+    hemispheres.follow(&pass.first);
     let mut samples = samples.into_iter().peekable();
     for attribute in Attribute::ALL {
         let (kind, name) = (attribute.kind(), attribute.name());
@@ -176,7 +176,7 @@ pub fn write(
             file.write_all(b"        }\n").map_err(failed(path))?;
         } else {
             write!(file, "        {kind} {name} = ").map_err(failed(path))?;
-            write_array(&mut file, attribute, &survey.first, &hemispheres, &rows, degree)
+            write_array(&mut file, attribute, &pass.first, &hemispheres, &rows, degree)
                 .map_err(failed(path))?;
             file.write_all(b"\n").map_err(failed(path))?;
         }
@@ -205,8 +205,8 @@ fn append(to: &mut impl Write, from: BufWriter<File>) -> std::io::Result<()> {
     Ok(())
 }
 
-fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
-    let mut losses = Losses::none();
+fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     let stored = clip.scene.sh_degree();
     if degree < stored {
         losses.push(format!("SH degree {stored} becomes {degree}"));
@@ -227,9 +227,9 @@ fn losses(clip: &Clip<'_>, degree: usize, written: usize) -> Losses {
 }
 
 /// The text before the per-splat attributes.
-fn head(clip: &Clip<'_>, turn: &[[f64; 3]; 3], degree: usize) -> String {
+fn head(clip: &Clip<'_>, rotation: &[[f64; 3]; 3], degree: usize) -> String {
     // USD multiplies row vectors: the rows of its matrix are the columns of the rotation.
-    let row = |k: usize| format!("({}, {}, {}, 0)", turn[0][k], turn[1][k], turn[2][k]);
+    let row = |k: usize| format!("({}, {}, {}, 0)", rotation[0][k], rotation[1][k], rotation[2][k]);
     format!(
         r#"#usda 1.0
 (
@@ -265,7 +265,7 @@ def Xform "World"
 }
 
 /// The shortest rotation that takes `up` to +y, rows first. Exact for axes.
-fn turn_to_y(up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+fn rotation_to_y(up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
     let length = up.iter().map(|c| c * c).sum::<f64>().sqrt();
     if !(length.is_finite() && length > 0.0) {
         return None;
@@ -284,26 +284,26 @@ fn turn_to_y(up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// First pass over the clip.
-struct Survey {
-    sound: ValidRows,
+struct FirstPass {
+    valid: ValidRows,
     first: Splats,
     changes: [bool; 5],
     /// Box of each frame, three standard deviations around every usable splat.
     extents: Vec<[[f32; 3]; 2]>,
 }
 
-impl Survey {
+impl FirstPass {
     fn new(num_splats: usize) -> Self {
         Self {
-            sound: ValidRows::new(num_splats),
+            valid: ValidRows::new(num_splats),
             first: Splats::default(),
             changes: [false; 5],
             extents: Vec::new(),
         }
     }
 
-    fn see(&mut self, splats: &Splats) {
-        self.sound.see(splats);
+    fn add(&mut self, splats: &Splats) {
+        self.valid.add(splats);
         if self.extents.is_empty() {
             self.first.clone_from(splats);
         } else {
@@ -452,19 +452,19 @@ mod tests {
         for up in
             [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 2.0], [-1.0, 0.0, 0.0], [0.3, -0.5, 0.7]]
         {
-            let turn = turn_to_y(up).unwrap();
+            let rotation = rotation_to_y(up).unwrap();
             let length = up.iter().map(|c| c * c).sum::<f64>().sqrt();
             for (k, expected) in [0.0, length, 0.0].into_iter().enumerate() {
-                let turned: f64 = (0..3).map(|c| turn[k][c] * up[c]).sum();
-                assert!((turned - expected).abs() < 1e-12, "{up:?}: {turned}");
+                let rotated: f64 = (0..3).map(|c| rotation[k][c] * up[c]).sum();
+                assert!((rotated - expected).abs() < 1e-12, "{up:?}: {rotated}");
             }
             for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-                let dot: f64 = (0..3).map(|c| turn[a][c] * turn[b][c]).sum();
+                let dot: f64 = (0..3).map(|c| rotation[a][c] * rotation[b][c]).sum();
                 assert!(dot.abs() < 1e-12, "a rotation");
             }
         }
-        assert_eq!(turn_to_y([0.0; 3]), None, "no direction");
-        assert_eq!(turn_to_y([f64::NAN; 3]), None, "NaN");
+        assert_eq!(rotation_to_y([0.0; 3]), None, "no direction");
+        assert_eq!(rotation_to_y([f64::NAN; 3]), None, "NaN");
     }
 
     #[test]

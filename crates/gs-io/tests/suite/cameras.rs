@@ -343,10 +343,10 @@ fn an_unusable_lens_omits_only_its_images() {
     let names: Vec<&str> = set.views.iter().map(|view| view.camera.name.as_str()).collect();
     assert_eq!(names, ["1.png", "4.png"], "those with a lens");
     assert_eq!(set.times(), [0.0, 0.75], "times are positions in the whole file");
-    let said = set.notes.join("; ");
+    let notes = set.notes.join("; ");
     assert!(
-        said.contains("2 of 4 images are omitted") && said.contains("OPENCV_FISHEYE"),
-        "{said}"
+        notes.contains("2 of 4 images are omitted") && notes.contains("OPENCV_FISHEYE"),
+        "{notes}"
     );
     colmap_model(dir.path(), lenses, &images[1..2], &[]);
     let error = cameras::open(dir.path(), Reading::Trained).unwrap_err().to_string();

@@ -149,16 +149,16 @@ fn axes_of_sequences_are_those_of_their_files_or_of_the_options() {
         let read = open(folder, None).at(0.37).unwrap();
         assert!(apart(&read, &truth) < 0.05, "{}: {}", folder.display(), apart(&read, &truth));
     }
-    let mut turned = open(&packed, Some(Axes::RUB)).at(0.37).unwrap();
+    let mut rotated = open(&packed, Some(Axes::RUB)).at(0.37).unwrap();
     let tall = truth.means.iter().flat_map(|mean| [mean[1].abs(), mean[2].abs()]);
     let tall = tall.fold(0.0, f32::max);
     assert!(
-        apart(&turned, &truth) > tall.max(0.1),
+        apart(&rotated, &truth) > tall.max(0.1),
         "the axes of the options override those of \
         the file"
     );
-    for [_, y, z] in &mut turned.means {
+    for [_, y, z] in &mut rotated.means {
         (*y, *z) = (-*y, -*z);
     }
-    assert!(apart(&turned, &truth) < 0.05, "half a turn about x");
+    assert!(apart(&rotated, &truth) < 0.05, "rotated by 180° about x");
 }

@@ -5,7 +5,7 @@ use gs_core::{Precision, RowPrecision, Splats, quat};
 use gs_io::compressed_ply::{self, morton_order};
 use gs_io::frame::{self, Frame, FrameError, FrameFormat};
 use gs_io::spz::{self, SpzError};
-use gs_io::{Axes, Losses, splat_file};
+use gs_io::{Axes, FormatLosses, splat_file};
 use std::fs;
 use std::io::Write;
 use test_support::fixture;
@@ -121,7 +121,7 @@ fn written_frames_are_read_within_the_precision() {
     let read = frame::read(&compressed).unwrap();
     assert_eq!(read.comments, ["two lines"], "comments");
     assert_eq!(violations(&truth, &read, 1.0), (0, 300), "compressed PLY");
-    assert_eq!(nearest(&truth, read.splats.means[5]), order[5], "in the order asked for");
+    assert_eq!(nearest(&truth, read.splats.means[5]), order[5], "in the requested order for");
 
     for version in [3, 4] {
         let mut bytes = Vec::new();
@@ -391,11 +391,14 @@ fn spz_axes_are_those_stated_in_the_file() {
     let read = frame::read(&without_records(&truth, &options)).unwrap();
     let reading = read.axes.unwrap();
     assert_eq!((reading.axes, reading.stated), (Axes::RUB, false), "assumed");
-    assert!(reading.assumption().unwrap().contains("RUB (x right, y up, z back)"), "said");
+    assert!(
+        reading.assumption().unwrap().contains("RUB (x right, y up, z back)"),
+        "the assumption is stated"
+    );
     assert!((read.splats.means[0][1] + truth.means[0][1]).abs() < 1e-3, "rotated by 180°");
-    let turned = read.in_axes(Axes::PLY);
-    assert_eq!(violations(&truth, &turned, 1.0), (0, 300), "as told");
-    // A record of another type is skipped; a truncated one ends the list.
+    let converted = read.in_axes(Axes::PLY);
+    assert_eq!(violations(&truth, &converted, 1.0), (0, 300), "the requested axes");
+    // A record of a different type is skipped; a truncated one ends the list.
     let mut bytes = Vec::new();
     spz::write(&truth, &options, &mut bytes).unwrap();
     let mut plain = Vec::new();
@@ -408,7 +411,7 @@ fn spz_axes_are_those_stated_in_the_file() {
         frame::read(&gzip.finish().unwrap()).unwrap().axes.unwrap()
     };
     let other = [&b"\x02\0\xbe\xad\x0c\0\0\0"[..], &[7; 12]].concat();
-    assert_eq!(packed(&[&other[..], &record].concat()).axes, Axes::PLY, "after another record");
+    assert_eq!(packed(&[&other[..], &record].concat()).axes, Axes::PLY, "after a different record");
     for broken in [&record[..11], &record[..5], &[255; 16], &other[..9]] {
         assert!(!packed(broken).stated, "{broken:?}");
     }
@@ -501,8 +504,8 @@ fn compressed_ply_omits_bands_below_half_a_step() {
     let read = frame::read(&bytes).unwrap();
     assert_eq!((read.splats.sh_degree, violations(&truth, &read, 1.0)), (1, (0, 300)), "the rest");
     bytes.clear();
-    let asked = compressed_ply::WriteOptions { sh_degree: Some(3), ..options };
-    compressed_ply::write(&truth, &asked, &mut bytes).unwrap();
+    let requested = compressed_ply::WriteOptions { sh_degree: Some(3), ..options };
+    compressed_ply::write(&truth, &requested, &mut bytes).unwrap();
     assert_eq!(frame::read(&bytes).unwrap().splats.sh_degree, 3, "unless requested");
     truth.sh[16 * 7 + 15] = [0.0, 0.016, 0.0];
     assert_eq!(compressed_ply::kept_degree(&truth), 3, "one splat reaches half a step");
@@ -578,5 +581,5 @@ fn unusual_rows_are_counted() {
     frame.precision = Some(std::sync::Arc::new(Precision::by_chunk(entries.collect(), 1)));
     let (clean, _) = frame.sanitize(gs_io::repair::Damage::Drop).unwrap();
     assert_eq!(clean.precision.unwrap().of(2).opacity, 4.0, "precision follows its row");
-    assert!(Losses::none().is_empty(), "no losses on reading");
+    assert!(FormatLosses::none().is_empty(), "no losses on reading");
 }

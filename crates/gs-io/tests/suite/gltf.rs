@@ -217,13 +217,13 @@ fn nodes_translate_rotate_and_scale() {
     }
     // The same rotation in the axes of splats in memory: (x, y, z) of the
     // file is (−x, −y, z) here, so x → z about −y.
-    let turned = |[x, y, z]: [f32; 3]| [-z, y, x];
+    let rotated = |[x, y, z]: [f32; 3]| [-z, y, x];
     let (before, after) = (sigma(&splats), sigma(&read));
     // xx of the rotated covariance is zz of the original.
     assert!((after[0] - 4.0 * before[5]).abs() < 1e-5, "{before:?} {after:?}");
     assert!((after[5] - 4.0 * before[0]).abs() < 1e-5, "{before:?} {after:?}");
     for direction in [[0.48, -0.6, 0.64], [1.0, 0.0, 0.0], [0.0, 0.6, -0.8]] {
-        let (a, b) = (color(&splats, direction), color(&read, turned(direction)));
+        let (a, b) = (color(&splats, direction), color(&read, rotated(direction)));
         assert!((a - b).abs() < 1e-5, "colour rotates with the splat: {a} {b}");
     }
 
@@ -284,7 +284,7 @@ fn unsupported_node_transformations_are_named() {
 
 /// Attributes of `truth` (LUF), quantised and interleaved as the specification allows.
 #[expect(clippy::cast_sign_loss, reason = "values from 0 to 1")]
-fn quantised(truth: &Splats) -> Vec<u8> {
+fn quantized(truth: &Splats) -> Vec<u8> {
     let count = truth.len();
     let (min, max) = truth.bounds().unwrap();
     let width = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
@@ -366,12 +366,12 @@ fn quantised(truth: &Splats) -> Vec<u8> {
 }
 
 #[test]
-fn quantised_interleaved_and_sparse_values_are_read_within_their_precision() {
+fn quantized_interleaved_and_sparse_values_are_read_within_their_precision() {
     let truth = truth().with_sh_degree(0);
     let (min, max) = truth.bounds().unwrap();
     let width = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
     let largest = truth.log_scales.iter().flatten().fold(f32::MIN, |a, &b| a.max(b)).exp();
-    let frame = frame::read(&quantised(&truth)).unwrap();
+    let frame = frame::read(&quantized(&truth)).unwrap();
     let precision = frame.precision.unwrap();
     assert_eq!(frame.splats.len(), 300, "rows in order");
     let mut tight = 0;
@@ -408,7 +408,7 @@ fn external_data_and_embedded_spz() {
     let error = frame::read_file(&path).unwrap_err().to_string();
     assert!(error.contains("the data.bin is missing"), "{error}");
     fs::write(folder.path().join("the data.bin"), &data).unwrap();
-    assert_same(&frame::read_file(&path).unwrap(), &truth, "beside it");
+    assert_same(&frame::read_file(&path).unwrap(), &truth, "a file next to it");
     assert_eq!(gs_io::detect(&path).unwrap(), gs_io::SceneKind::Gltf, "found by content");
     let error = frame::read(document.to_string().as_bytes()).unwrap_err().to_string();
     assert!(error.contains("the%20data.bin") && error.contains("path of the .gltf"), "{error}");
@@ -417,7 +417,7 @@ fn external_data_and_embedded_spz() {
         document["buffers"][0]["uri"] = json!(outside);
         fs::write(&path, document.to_string()).unwrap();
         let error = frame::read_file(&path).unwrap_err().to_string();
-        assert!(error.contains("not beside it"), "{outside}: {error}");
+        assert!(error.contains("not in its folder"), "{outside}: {error}");
     }
 
     let mut packed = Vec::new();

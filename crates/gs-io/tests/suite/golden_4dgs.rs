@@ -10,14 +10,9 @@ use test_support::compare::{assert_close, widen};
 use test_support::fixture;
 use test_support::golden::Golden;
 
-/// Absolute tolerances (scales: relative) of the README, looser for the voxel mask.
-struct Tolerance {
-    values: f64,
-    scales: f64,
-}
-
-const TIGHT: Tolerance = Tolerance { values: 5e-6, scales: 5e-6 };
-const VOXEL: Tolerance = Tolerance { values: 3e-5, scales: 5e-5 };
+/// Tolerances of the README: absolute, and for scales relative (for log-scales absolute).
+const VALUES: f64 = 1.5e-6;
+const SCALES: f64 = 3e-6;
 
 const VARIANTS: [&str; 7] = [
     "default_flags",
@@ -43,7 +38,7 @@ fn slice(values: &[f32], times: usize, t: usize) -> Vec<f64> {
     widen(&values[t * length..(t + 1) * length])
 }
 
-fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize, tolerance: &Tolerance) {
+fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize) {
     let times = golden.f32s("times").len();
     let expected = |name: &str| slice(&golden.f32s(name), times, t);
     let n = splats.len();
@@ -52,15 +47,16 @@ fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize, tolerance
     let opacity: Vec<f64> = (0..n).map(|i| f64::from(splats.opacity(i))).collect();
     let what = |name: &str| format!("{case}, time {t}: {name}");
     let close = |name: &str, actual: &[f64]| {
-        assert_close(&what(name), actual, &expected(name), tolerance.values, 0.0);
+        assert_close(&what(name), actual, &expected(name), VALUES, 0.0);
     };
     close("means", &widen(splats.means.as_flattened()));
-    assert_close(&what("scales"), &scales, &expected("scales"), 0.0, tolerance.scales);
+    assert_close(&what("scales"), &scales, &expected("scales"), 0.0, SCALES);
     close("rotations", &rotations);
     close("rotations_raw", &widen(splats.quats.as_flattened()));
     close("opacity", &opacity);
     if golden.has("log_scales") {
-        close("log_scales", &widen(splats.log_scales.as_flattened()));
+        let log_scales = widen(splats.log_scales.as_flattened());
+        assert_close(&what("log_scales"), &log_scales, &expected("log_scales"), SCALES, 0.0);
         close("opacity_logit", &widen(&splats.opacity_logits));
     }
     if !golden.has("sh") {
@@ -77,7 +73,7 @@ fn check_final(case: &str, golden: &Golden, splats: &Splats, t: usize, tolerance
         None => widen(splats.sh.as_flattened()),
     };
     let expected_sh = slice(&golden.f32s("sh"), sh_times, t.min(sh_times - 1));
-    assert_close(&what("sh"), &sh, &expected_sh, tolerance.values, 0.0);
+    assert_close(&what("sh"), &sh, &expected_sh, VALUES, 0.0);
 }
 
 /// Sums over all points detect errors in rows that are not recorded.
@@ -88,7 +84,7 @@ fn check_sums(case: &str, golden: &Golden, splats: &Splats, t: usize) {
         let found = [column.clone().sum::<f64>(), column.map(|x| x * x).sum()];
         let expected = [sums[t * 6 + axis], sums[t * 6 + 3 + axis]];
         let n = splats.len() as f64;
-        assert_close(&format!("{case}, time {t}: sums"), &found, &expected, n * 5e-6, 0.0);
+        assert_close(&format!("{case}, time {t}: sums"), &found, &expected, n * VALUES, 0.0);
     }
 }
 
@@ -100,12 +96,12 @@ fn probe_means(golden: &Golden, canonical: &Splats) -> Vec<[f32; 3]> {
     ids.iter().map(|&id| canonical.means[usize::try_from(id).unwrap()]).collect()
 }
 
-fn check_probes(case: &str, golden: &Golden, trace: &Trace, t: usize, tolerance: &Tolerance) {
+fn check_probes(case: &str, golden: &Golden, trace: &Trace, t: usize) {
     let times = golden.f32s("times").len();
     let close = |name: &str, actual: &[f32]| {
         let expected = slice(&golden.f32s(&format!("probe.{name}")), times, t);
         let what = format!("{case}, time {t}: probe {name}");
-        assert_close(&what, &widen(actual), &expected, tolerance.values, 0.0);
+        assert_close(&what, &widen(actual), &expected, VALUES, 0.0);
     };
     close("coords", trace.coords.as_flattened());
     close("hexplane", &trace.features);
@@ -142,25 +138,25 @@ fn check_planes(case: &str, golden: &Golden, scene: &HexPlaneScene, trace: &Trac
         })
         .collect();
     let what = format!("{case}, time {t}: planes");
-    assert_close(&what, &widen(&found), &expected, 5e-6, 0.0);
+    assert_close(&what, &widen(&found), &expected, VALUES, 0.0);
 }
 
-fn check(case: &str, tolerance: &Tolerance) {
+fn check(case: &str) {
     let (scene, golden) = open(case);
     let mut splats = Splats::default();
     for (t, &time) in golden.f32s("times").iter().enumerate() {
         // The field clamps times outside the sequence; the scene refuses them.
         scene.field().deform_into(scene.canonical(), time, &mut splats).unwrap();
-        check_final(case, &golden, &splats, t, tolerance);
+        check_final(case, &golden, &splats, t);
         let trace = scene.field().trace(&probe_means(&golden, scene.canonical()), time);
-        check_probes(case, &golden, &trace, t, tolerance);
+        check_probes(case, &golden, &trace, t);
         check_planes(case, &golden, &scene, &trace, t);
         if golden.has("allpoint_sums.means") {
             check_sums(case, &golden, &splats, t);
         }
         if scene.time_range().contains(time) {
             let through_scene = scene.at(time).unwrap();
-            check_final(case, &golden, &through_scene, t, tolerance);
+            check_final(case, &golden, &through_scene, t);
             let mut geometry = Splats::default();
             scene.geometry_into(time, &mut geometry).unwrap();
             assert_eq!(geometry.means, through_scene.means, "{case}: geometry alone, means");
@@ -175,25 +171,24 @@ fn check(case: &str, tolerance: &Tolerance) {
 
 #[test]
 fn dnerf_like() {
-    check("dnerf_like", &TIGHT);
+    check("dnerf_like");
 }
 
 #[test]
 fn dynerf_like() {
-    check("dynerf_like", &TIGHT);
+    check("dynerf_like");
 }
 
 #[test]
 fn every_flag_combination() {
     for variant in VARIANTS {
-        let voxel = variant == "empty_voxel_all_heads";
-        check(&format!("variants/{variant}"), if voxel { &VOXEL } else { &TIGHT });
+        check(&format!("variants/{variant}"));
     }
 }
 
 /// Negative control: the mistakes listed in the README exceed the tolerance by far.
 #[test]
-fn flags_matter() {
+fn wrong_flags_exceed_the_tolerances() {
     let dir = fixture("deform4dgs/dynerf_like");
     let golden = Golden::open(dir.join("expected.safetensors"));
     let times = golden.f32s("times");
@@ -207,7 +202,7 @@ fn flags_matter() {
         let model = checkpoint4dgs::open(&dir.join("model"), &overrides).unwrap();
         let splats = model.scene.at(times[1]).unwrap();
         let caught = std::panic::catch_unwind(|| {
-            check_final("wrong flag", &golden, &splats, 1, &TIGHT);
+            check_final("wrong flag", &golden, &splats, 1);
         });
         assert!(caught.is_err(), "{overrides:?} is not detected");
     }
@@ -224,7 +219,7 @@ fn per_frame_export_agrees() {
         let mut splats = Splats::default();
         scene.field().deform_into(scene.canonical(), time, &mut splats).unwrap();
         let close = |what: &str, a: &[f32], b: &[f32]| {
-            assert_close(what, &widen(a), &widen(b), 5e-6, 5e-6);
+            assert_close(what, &widen(a), &widen(b), VALUES, SCALES);
         };
         close("means", splats.means.as_flattened(), exported.means.as_flattened());
         close("quats", splats.quats.as_flattened(), exported.quats.as_flattened());

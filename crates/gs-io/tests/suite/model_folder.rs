@@ -86,7 +86,7 @@ fn newest_iteration_and_its_report() {
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let old = Overrides { iteration: Some(7000), ..Overrides::default() };
     let old = checkpoint4dgs::open(&fixture("deform4dgs/dnerf_like/model"), &old).unwrap();
-    assert_eq!(old.scene.num_splats(), 240, "asked for");
+    assert_eq!(old.scene.num_splats(), 240, "the requested iteration");
     let dynerf = open(&fixture("deform4dgs/dynerf_like/model")).unwrap();
     assert_eq!((dynerf.report.mask, dynerf.report.depth), ("static_mlp", 2), "mask");
     assert!(dynerf.report.untrained_heads.is_empty(), "all trained");
@@ -178,7 +178,7 @@ fn networks_the_reference_cannot_evaluate_are_refused() {
     assert!(error.contains("grid_pe = 1") && error.contains("deformation.pth"), "{error}");
     fs::remove_file(dir.join("cfg_args")).unwrap();
     let error = message(&dir, &Overrides::default());
-    assert!(error.contains("give grid_pe"), "not inferable: {error}");
+    assert!(error.contains("set grid_pe"), "not inferable: {error}");
     let given = Overrides { grid_pe: Some(3), ..Overrides::default() };
     let model = checkpoint4dgs::open(&dir, &given).unwrap();
     assert_eq!(origin(&model, "grid_pe"), ("3".to_owned(), Origin::Override), "given");
@@ -235,7 +235,7 @@ fn revisions_of_2023_use_their_table() {
     edit(&dir, |named| named.retain(|(name, ..)| !name.contains("shs_deform")));
     let model = open(&dir).unwrap();
     assert_eq!(unmoved(&model), [7], "row 7 stays");
-    assert!(model.report.warnings.iter().any(|w| w.contains("1 Gaussians as static")), "said so");
+    assert!(model.report.warnings.iter().any(|w| w.contains("1 Gaussians as static")), "a warning");
     fs::write(&path, fs::read(iteration(&dir).join("deformation.pth")).unwrap()).unwrap();
     let error = message(&dir, &Overrides::default());
     assert!(error.contains("deformation_table.pth") && error.contains("single tensor"), "{error}");

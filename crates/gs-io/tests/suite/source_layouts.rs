@@ -1,8 +1,8 @@
 //! The scene of a `.splatv` is the same in the layouts of Spacetime
 //! Gaussians and FreeTimeGS, and each layout is detected.
 
+use crate::common::changing_scene;
 use crate::common::layouts;
-use crate::common::lively;
 
 use gs_core::{Camera, DynamicScene, Splats, covariance};
 use gs_deform::{Polynomial, PolynomialScene};
@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Splats that appear and disappear, and move along cubic polynomials or lines.
 fn scene(n: usize, lines: bool) -> PolynomialScene {
-    let rest = lively::scene(n, 2, 0).at(0.0).unwrap();
+    let rest = changing_scene::scene(n, 2, 0).at(0.0).unwrap();
     let motions = (0..n)
         .map(|i| {
             let x = (i as f32 * 0.7).sin();
@@ -109,7 +109,7 @@ fn a_splatv_is_the_same_scene_in_other_layouts() {
             assert!(means < 1e-6 && shapes < 1e-6, "layout {index} at {t}: {means} {shapes}");
             assert!(opacities < 2e-6 && colours < 1e-6, "at {t}: {opacities} {colours}");
         }
-        // Negative control: the comparison fails at another time.
+        // Negative control: the comparison fails at a different time.
         let (early, late) = (truth.at(0.0).unwrap(), read.at(1.0).unwrap());
         assert!(differences(&early, &late, floor)[0] > 0.1, "it moves");
     }

@@ -285,7 +285,7 @@ fn dynamic_scenes_are_not_frames_and_frames_are_static() {
         let (_dir, path) = model(PARTS[part].0, PARTS[part].2);
         let error = frame::read_file(&path).unwrap_err().to_string();
         assert!(
-            error.contains("dynamic scene") && error.contains("give it as the scene"),
+            error.contains("dynamic scene") && error.contains("use it as the scene"),
             "{error}"
         );
     }

@@ -34,9 +34,9 @@ const SCENES: [(&str, &str); 19] = [
 ];
 
 /// First words of next steps.
-const STEPS: [&str; 12] = [
-    "choose", "convert", "copy", "export", "give", "make", "put", "save", "train", "use", "write",
-    "load",
+const STEPS: [&str; 13] = [
+    "choose", "convert", "copy", "export", "make", "pass", "put", "save", "set", "train", "use",
+    "write", "load",
 ];
 
 fn options() -> OpenOptions {

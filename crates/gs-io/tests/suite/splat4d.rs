@@ -2,7 +2,7 @@
 //! stated bounds at every splat and frame for all changing attributes, and the crate's reader gives
 //! exactly the same values. Hostile clips and files are refused, or repaired with a count.
 
-use crate::common::lively;
+use crate::common::changing_scene;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{StaticScene, TabulatedScene};
@@ -214,7 +214,7 @@ fn write(
 
 #[test]
 fn every_value_is_within_its_bound() {
-    let scene = lively::scene(333, 40, 1);
+    let scene = changing_scene::scene(333, 40, 1);
     for options in [
         WriteOptions { gop: 15, ..WriteOptions::default() },
         WriteOptions { tolerance: 0.02, scale: 0.1, rgb: 4, alpha: 0, rot: 2, gop: 13, up: None },
@@ -273,7 +273,7 @@ fn matches(row: &Row, splats: &Splats, i: usize) -> bool {
 
 #[test]
 fn written_clips_are_read_back() {
-    let scene = lively::scene(333, 40, 1);
+    let scene = changing_scene::scene(333, 40, 1);
     let up = [0.0, -1.0, 0.0];
     for options in [
         WriteOptions { gop: 15, up: Some(up), ..WriteOptions::default() },
@@ -311,8 +311,11 @@ fn written_clips_are_read_back() {
 
 #[test]
 fn rows_without_rotation_are_dropped_and_counted() {
-    let (dir, _) =
-        write(&lively::scene(60, 9, 0), 9, &WriteOptions { gop: 4, ..WriteOptions::default() });
+    let (dir, _) = write(
+        &changing_scene::scene(60, 9, 0),
+        9,
+        &WriteOptions { gop: 4, ..WriteOptions::default() },
+    );
     let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
     let whole = splat4d::read(bytes.clone(), Damage::Fail).unwrap().scene;
     // Zeroes the static rotations of all splats; splats that rotate have others in every frame.
@@ -362,8 +365,11 @@ fn rows_without_rotation_are_dropped_and_counted() {
 
 #[test]
 fn damaged_files_are_errors() {
-    let (dir, _) =
-        write(&lively::scene(40, 12, 0), 12, &WriteOptions { gop: 5, ..WriteOptions::default() });
+    let (dir, _) = write(
+        &changing_scene::scene(40, 12, 0),
+        12,
+        &WriteOptions { gop: 5, ..WriteOptions::default() },
+    );
     let bytes = fs::read(dir.path().join("clip.splat4d")).unwrap();
     let fails = |bytes: &[u8], expected: &str| {
         let error = splat4d::read(bytes.to_vec(), Damage::Drop).unwrap_err().to_string();
@@ -422,8 +428,8 @@ fn small_files_do_not_decompress_to_large_scenes() {
 }
 
 #[test]
-fn the_comparison_can_fail() {
-    let scene = lively::scene(64, 5, 0);
+fn the_comparison_detects_differences() {
+    let scene = changing_scene::scene(64, 5, 0);
     let (dir, report) = write(&scene, 5, &WriteOptions::default());
     let (_, mut frames) = decode(&dir.path().join("clip.splat4d"));
     frames[3][7].pos[1] += 3.0 * report.position_bound;
@@ -432,7 +438,7 @@ fn the_comparison_can_fail() {
 
 #[test]
 fn static_values_are_stored_once() {
-    let still = lively::scene(2000, 2, 0).at(0.0).unwrap();
+    let still = changing_scene::scene(2000, 2, 0).at(0.0).unwrap();
     let scene = StaticScene::new(still).unwrap();
     let (_one_dir, one) = write(&scene, 1, &WriteOptions::default());
     let (dir, many) = write(&scene, 90, &WriteOptions::default());
@@ -446,7 +452,7 @@ fn static_values_are_stored_once() {
 
 #[test]
 fn noise_within_the_bound_does_not_enlarge_the_file() {
-    let mut frames = vec![lively::scene(1000, 2, 0).at(0.0).unwrap(); 30];
+    let mut frames = vec![changing_scene::scene(1000, 2, 0).at(0.0).unwrap(); 30];
     for (f, frame) in frames.iter_mut().enumerate() {
         // A slow drift plus jitter far below the bound.
         for (i, mean) in frame.means.iter_mut().enumerate() {
@@ -461,10 +467,10 @@ fn noise_within_the_bound_does_not_enlarge_the_file() {
 }
 
 #[test]
-fn hostile_clips() {
+fn invalid_clips_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splat4d");
-    let scene = lively::scene(20, 3, 0);
+    let scene = changing_scene::scene(20, 3, 0);
     let refuse = |clip: &Clip<'_>, options: &WriteOptions, expected: &str| {
         let error = splat4d::write(&path, clip, options, Existing::Refuse, &mut |_| ())
             .unwrap_err()
@@ -496,7 +502,7 @@ fn hostile_clips() {
 
 #[test]
 fn damaged_rows_are_dropped_and_counted() {
-    let mut frames = lively::scene(50, 4, 0).frames().to_vec();
+    let mut frames = changing_scene::scene(50, 4, 0).frames().to_vec();
     frames[2].means[7][0] = f32::NAN;
     frames[1].quats[9] = [0.0; 4];
     let scene = TabulatedScene::new(frames).unwrap();
@@ -509,7 +515,7 @@ fn damaged_rows_are_dropped_and_counted() {
 
 #[test]
 fn the_bytes_do_not_depend_on_threads() {
-    let scene = lively::scene(500, 10, 0);
+    let scene = changing_scene::scene(500, 10, 0);
     let bytes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let (dir, _) = pool.install(|| write(&scene, 10, &WriteOptions::default()));

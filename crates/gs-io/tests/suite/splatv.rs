@@ -2,7 +2,7 @@
 //! the byte layout, have motion within the reported error; read clips follow the
 //! format's formulas; arbitrary bytes do not cause panics.
 
-use crate::common::lively;
+use crate::common::changing_scene;
 
 use gs_core::{Camera, DynamicScene, Splats, TimeRange, quat, sh};
 use gs_deform::{Polynomial, PolynomialScene, StaticScene, TabulatedScene};
@@ -69,7 +69,7 @@ fn decode(bytes: &[u8], t: f64) -> (serde_json::Value, Vec<Decoded>) {
 
 /// A scene whose rows change smoothly and slowly enough for cubic polynomials.
 fn gentle(n: usize, frames: usize) -> TabulatedScene {
-    let whole = lively::scene(n, 40 * frames, 1);
+    let whole = changing_scene::scene(n, 40 * frames, 1);
     TabulatedScene::new(whole.frames()[..frames].to_vec()).unwrap()
 }
 
@@ -129,9 +129,17 @@ fn written_motion_is_within_the_reported_error() {
         let invisible = |splat: &Decoded| splat.opacity == 0.0 || splat.opacity.is_nan();
         assert!(padding.iter().all(invisible), "padding is invisible");
     }
-    assert!((worst - report.distance.max).abs() < 1e-5, "{worst}, said {}", report.distance.max);
+    assert!(
+        (worst - report.distance.max).abs() < 1e-5,
+        "{worst}, reported {}",
+        report.distance.max
+    );
     let mean = total / (1500.0 * 12.0);
-    assert!((mean - report.distance.mean).abs() < 1e-6, "{mean}, said {}", report.distance.mean);
+    assert!(
+        (mean - report.distance.mean).abs() < 1e-6,
+        "{mean}, reported {}",
+        report.distance.mean
+    );
     assert!(worst < 2e-3, "cubic polynomials fit a short clip: {worst}");
     assert!(report.pixels.max > 0.0 && report.pixels.max < 1.0, "{:?}", report.pixels);
     assert!(report.losses.to_string().contains("cubic"), "{}", report.losses);
@@ -143,7 +151,7 @@ fn written_clips_are_read_and_rewritten() {
     let [first, second] = ["1.splatv", "2.splatv"].map(|name| dir.path().join(name));
     // Splats that appear, disappear and move fast, which the format represents exactly.
     let n = 200;
-    let rest = lively::scene(n, 2, 0).at(0.0).unwrap();
+    let rest = changing_scene::scene(n, 2, 0).at(0.0).unwrap();
     let motions = (0..n)
         .map(|i| {
             let x = (i as f32 * 0.7).sin();
@@ -188,7 +196,7 @@ fn written_clips_are_read_and_rewritten() {
 fn motion_that_cubics_do_not_fit_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("clip.splatv");
-    let still = lively::scene(100, 2, 0).at(0.0).unwrap();
+    let still = changing_scene::scene(100, 2, 0).at(0.0).unwrap();
     let frames: Vec<Splats> = (0..30_u8)
         .map(|f| {
             let mut frame = still.clone();
@@ -205,13 +213,13 @@ fn motion_that_cubics_do_not_fit_is_refused() {
     assert!(error.contains("pixels") && error.contains("shorter"), "{error}");
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0, "no output remains");
     let forced = write(&path, &scene, 30, &WriteOptions { force: true, ..options() });
-    assert!(forced.distance.max > 0.5, "said nevertheless: {:?}", forced.distance);
+    assert!(forced.distance.max > 0.5, "reported nevertheless: {:?}", forced.distance);
     let short = Clip { times: &times[..3], ..clip };
     splatv::write(&path, &short, &options(), Existing::Replace, &mut |_| ()).unwrap();
 }
 
 #[test]
-fn hostile_clips() {
+fn invalid_clips_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("x.splatv");
     let scene = gentle(20, 3);

@@ -206,11 +206,11 @@ fn without_cfg_args_the_error_requests_flags() {
         ..Swift4dOverrides::default()
     };
     let error = folder.message(grid);
-    assert!(error.contains("give activation=none for coffee_martini"), "{error}");
+    assert!(error.contains("set activation=none for coffee_martini"), "{error}");
     let model = folder.open_with(Swift4dOverrides { trunk_relu: Some(false), ..grid });
     assert_eq!(flag(&model, "hashmap_size"), ("6".to_owned(), Origin::Inferred), "from the length");
     assert_eq!(flag(&model, "dynamic_thro"), ("7".to_owned(), Origin::Default), "threshold");
-    assert!(model.report.warnings[0].contains("cfg_args is missing"), "said so");
+    assert!(model.report.warnings[0].contains("cfg_args is missing"), "a warning");
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn published_table_is_recognised_by_its_length() {
 }
 
 #[test]
-fn ambiguous_grids_need_a_decision() {
+fn ambiguous_grids_require_an_index_rule() {
     let folder = Folder::new();
     let shape = gs_deform::GridShape { levels: 13, features: 1, log2_table: 16, base: 16 };
     folder.cfg(
@@ -298,7 +298,7 @@ fn absurd_flags_are_refused_without_allocating() {
         ("hashmap_size=6", "hashmap_size=64", "hashmap_size"),
         ("base_resolution=2", "base_resolution=0", "base_resolution"),
         ("base_resolution=2", "base_resolution=4294967295", "base_resolution"),
-        ("activation='None'", "activation='Sine'", "only ReLU and None"),
+        ("activation='None'", "activation='Sine'", "expected ReLU or None"),
         ("dynamic_thro=7.0", "dynamic_thro='x'", "dynamic_thro"),
         ("dynamic_thro=7.0", "dynamic_thro=nan", "dynamic_thro"),
     ] {
@@ -308,7 +308,10 @@ fn absurd_flags_are_refused_without_allocating() {
     folder.cfg("Namespace(n_levels=");
     folder.refused(&["cfg_args", "remove the file"]);
     folder.cfg(&CFG.replace("n_neurons=16", "n_neurons=128"));
-    assert!(folder.open().report.warnings[0].contains("n_neurons 128"), "another run's cfg_args");
+    assert!(
+        folder.open().report.warnings[0].contains("n_neurons 128"),
+        "cfg_args of a different run"
+    );
 }
 
 #[test]

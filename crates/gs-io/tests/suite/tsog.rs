@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use tsog::{Plane, archive};
 
 /// Two splats: positions (−1, 0, 0) and (1, 0, e − 1), scales (1, 1, e) and (1, 1, 1), rotations
-/// close to the identity and to a half turn about z, opacities 128/255 and 1.
+/// close to the identity and to a rotation by 180° about z, opacities 128/255 and 1.
 fn base() -> (Value, Vec<Plane>) {
     let log2 = std::f64::consts::LN_2;
     let meta = json!({
@@ -243,5 +243,5 @@ fn clips_are_not_edited_frames() {
     let (meta, planes) = continuous();
     let (_dir, path) = write(&meta, &planes);
     let error = frame::read_file(&path).unwrap_err().to_string();
-    assert!(error.contains("a .tsog clip") && error.contains("give it as the scene"), "{error}");
+    assert!(error.contains("a .tsog clip") && error.contains("use it as the scene"), "{error}");
 }

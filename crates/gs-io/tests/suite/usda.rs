@@ -1,7 +1,7 @@
 //! OpenUSD layers, parsed independently, give exactly the bits of the scene; only changing
 //! attributes have time samples.
 
-use crate::common::lively;
+use crate::common::changing_scene;
 
 use gs_core::{DynamicScene, Splats, TimeRange, quat};
 use gs_deform::{StaticScene, TabulatedScene};
@@ -95,7 +95,7 @@ fn flat<const C: usize>(rows: &[[f32; C]]) -> Vec<f32> {
 #[test]
 fn every_value_round_trips() {
     let dir = tempfile::tempdir().unwrap();
-    let scene = lively::scene(40, 6, 2);
+    let scene = changing_scene::scene(40, 6, 2);
     let options = WriteOptions { up: [0.0, -1.0, 0.0], ..WriteOptions::default() };
     let path = dir.path().join("scene.usda");
     let (layer, report) = write(&path, &scene, 6, &options);
@@ -144,7 +144,7 @@ fn every_value_round_trips() {
 #[test]
 fn only_changing_attributes_have_samples() {
     let dir = tempfile::tempdir().unwrap();
-    let mut frames = vec![lively::scene(30, 2, 1).at(0.0).unwrap(); 4];
+    let mut frames = vec![changing_scene::scene(30, 2, 1).at(0.0).unwrap(); 4];
     frames[3].means[5][1] += 0.5;
     let scene = TabulatedScene::new(frames.clone()).unwrap();
     let options = WriteOptions { sh_degree: Some(0), ..WriteOptions::default() };
@@ -164,10 +164,10 @@ fn only_changing_attributes_have_samples() {
 }
 
 #[test]
-fn hostile_clips() {
+fn invalid_clips_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("x.usda");
-    let scene = lively::scene(20, 3, 0);
+    let scene = changing_scene::scene(20, 3, 0);
     let clip = Clip { scene: &scene, times: &[0.0, 1.0], fps: 30.0 };
     let refuse = |clip: &Clip<'_>, options: &WriteOptions, expected: &str| {
         let error = usda::write(&path, clip, options, Existing::Refuse, &mut |_, _| ())

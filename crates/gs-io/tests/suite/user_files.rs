@@ -157,8 +157,8 @@ fn opaque_and_transparent_rows_are_kept() {
     table.write(&dir.path().join("a.ply"));
     let opened = open_scene(&dir.path().join("a.ply"), &OpenOptions::default()).unwrap();
     assert_eq!(opened.scene.num_splats(), ROWS, "as a scene");
-    let said = [opened.warnings, opened.notes].concat().join("; ");
-    assert!(said.contains("40 opacities of exactly 1") && !said.contains("damaged"), "{said}");
+    let notes = [opened.warnings, opened.notes].concat().join("; ");
+    assert!(notes.contains("40 opacities of exactly 1") && !notes.contains("damaged"), "{notes}");
 }
 
 #[test]
@@ -303,8 +303,8 @@ fn several_series_in_one_folder() {
     }
     let opened = open_scene(dir.path(), &OpenOptions::default()).unwrap();
     assert_eq!(opened.scene.num_frames(), Some(2), "the longer one");
-    let said = [opened.warnings, opened.notes].concat().join("; ");
-    assert!(said.contains("using a-*.ply (2 frames), ignoring b-*.ply (1)"), "{said}");
+    let notes = [opened.warnings, opened.notes].concat().join("; ");
+    assert!(notes.contains("using a-*.ply (2 frames), ignoring b-*.ply (1)"), "{notes}");
 }
 
 #[test]

@@ -2,14 +2,14 @@
 
 use crate::decoder::{Payload, decode};
 use gs_core::{DynamicScene, Splats, quat, rotation_matrix, sh};
-use gs_player::{Options, encode};
+use gs_player::{EncodeOptions, encode};
 use gs_synth::{DemoParams, apply_edits, demo, demo_edits};
 
-/// Whether row `(geometry, look)` of the payload is splat `i` at every frame. Steps: half a step in
+/// Whether row `(geometry, appearance)` of the payload is splat `i` at every frame. Steps: half one in
 /// the first frame, the tolerance later.
 fn is(
     payload: &Payload,
-    (geometry, look): (usize, usize),
+    (geometry, appearance): (usize, usize),
     truth: &[Splats],
     i: usize,
     tolerance: f64,
@@ -26,9 +26,9 @@ fn is(
         let color = splats.sh_of(i)[0].map(|dc| 0.5 + f64::from(sh::C0) * f64::from(dc));
         let rest: Vec<f64> = splats.sh_of(i)[1..].iter().flatten().map(|&v| f64::from(v)).collect();
         near("position", geometry, &place)
-            && near("opacity", look, &[opacity])
-            && near("color", look, &color)
-            && (payload.sh_degree == 0 || near("shading", look, &rest))
+            && near("opacity", appearance, &[opacity])
+            && near("color", appearance, &color)
+            && (payload.sh_degree == 0 || near("shading", appearance, &rest))
             && {
                 // The same ellipsoid with permuted axes.
                 let found = gets("rotation", geometry, frame);
@@ -80,18 +80,23 @@ fn both_scenes_are_decoded_within_the_bounds() {
     let all =
         |scene: &dyn DynamicScene| times.iter().map(|&t| scene.at(t).unwrap()).collect::<Vec<_>>();
     let (first, second) = (all(&original), all(&edited));
-    for options in
-        [Options::default(), Options { sh_degree: 3, tolerance: 3.0, ..Options::default() }]
-    {
+    for options in [
+        EncodeOptions::default(),
+        EncodeOptions { sh_degree: 3, tolerance: 3.0, ..EncodeOptions::default() },
+    ] {
         let encoded = encode(&original, Some(&edited), &times, &options, &mut |_, _| {}).unwrap();
         let payload = decode(&encoded.payload);
-        let [a, twins, shared, b] = payload.groups;
-        assert_eq!(a + twins + shared, original.num_splats(), "the first scene");
-        assert_eq!(twins + shared + b, edited.num_splats(), "the second scene");
-        assert!(shared > 500 && twins > 50, "equal rows are stored once: {:?}", payload.groups);
+        let [a, same_motion, shared, b] = payload.groups;
+        assert_eq!(a + same_motion + shared, original.num_splats(), "the first scene");
+        assert_eq!(same_motion + shared + b, edited.num_splats(), "the second scene");
+        assert!(
+            shared > 500 && same_motion > 50,
+            "equal rows are stored once: {:?}",
+            payload.groups
+        );
         for (name, attribute) in &payload.attributes {
             assert_eq!(
-                attribute.table == "look",
+                attribute.table == "appearance",
                 ["opacity", "color", "shading"].contains(&name.as_str()),
                 "{name}"
             );
@@ -120,15 +125,16 @@ fn both_scenes_are_decoded_within_the_bounds() {
 fn coarser_steps_make_smaller_payloads() {
     let scene = demo(&DemoParams { num_splats: 1_500, ..DemoParams::default() }).unwrap();
     let times = scene.time_range().frames(13);
-    let size = |options: Options| {
+    let size = |options: EncodeOptions| {
         encode(&scene, None, &times, &options, &mut |_, _| {}).unwrap().payload.len()
     };
-    let coarse = size(Options {
+    let coarse = size(EncodeOptions {
         sh_degree: 0,
         position_steps: 2048.0,
         rotation_step: 1.0 / 128.0,
-        ..Options::default()
+        ..EncodeOptions::default()
     });
-    let fine = size(Options { sh_degree: 3, position_steps: 65_536.0, ..Options::default() });
+    let fine =
+        size(EncodeOptions { sh_degree: 3, position_steps: 65_536.0, ..EncodeOptions::default() });
     assert!(3 * coarse < 2 * fine, "{coarse} bytes against {fine}");
 }

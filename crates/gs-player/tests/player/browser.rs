@@ -8,7 +8,7 @@
 use crate::decoder::decode;
 use gs_core::{Camera, DynamicScene, Image, Rasterizer, RenderParams, Splats, UpstreamGrads};
 use gs_player::{
-    Annotations, Encoded, Legend, Options, Overlay, Page, PageScenes, encode_annotated, page,
+    Annotations, EncodeOptions, Encoded, Legend, Overlay, Page, PageScenes, encode_annotated, page,
 };
 use gs_raster_cpu::CpuRasterizer;
 use gs_synth::{DemoParams, SynthScene, Truth, apply_edits, demo, demo_edits};
@@ -38,10 +38,10 @@ struct Fixture {
 
 impl Fixture {
     fn new() -> Self {
-        Self::with(&Options { sh_degree: 3, ..Options::default() })
+        Self::with(&EncodeOptions { sh_degree: 3, ..EncodeOptions::default() })
     }
 
-    fn with(options: &Options) -> Self {
+    fn with(options: &EncodeOptions) -> Self {
         let params = DemoParams { num_splats: 6_000, ..DemoParams::default() };
         let original = demo(&params).unwrap();
         let edited = apply_edits(&original, &demo_edits(), 7).unwrap().truth;
@@ -264,8 +264,8 @@ const OVERLAY_LEVELS: f32 = 3.0;
 #[test]
 fn overlays_have_the_colours_of_a_feature_pass() {
     // Fine steps: coarse ones change the order of splats at almost the same depth.
-    let default = Options::default();
-    let fixture = Fixture::with(&Options {
+    let default = EncodeOptions::default();
+    let fixture = Fixture::with(&EncodeOptions {
         position_steps: 1e6,
         rotation_step: default.rotation_step / 16.0,
         scale_step: default.scale_step / 16.0,
@@ -369,15 +369,15 @@ fn the_splat_that_contributes_most_is_picked() {
     eprintln!("picked {right} of {count} right; {others} for the pixel before");
     assert_eq!(count, PICKED, "pixels that show something");
     assert!(right * 100 >= 95 * PICKED, "{right} of {PICKED} right");
-    assert!(others * 100 < 20 * PICKED, "{others} right for another pixel");
+    assert!(others * 100 < 20 * PICKED, "{others} right for a different pixel");
 }
 
 #[test]
 fn errors_are_shown_on_the_page() {
     let fixture = Fixture::new();
     let (_, document) = fixture.open("paused", &["--disable-3d-apis"]);
-    let said = problem(&document);
-    assert!(said.contains("WebGL 2 is not available"), "message: {said}");
+    let message = problem(&document);
+    assert!(message.contains("WebGL 2 is not available"), "message: {message}");
     let path = fixture.folder.path().join("page.html");
     let text = std::fs::read_to_string(&path).unwrap();
     // One character of the payload.
@@ -387,6 +387,6 @@ fn errors_are_shown_on_the_page() {
     damaged.replace_range(start..=start, other);
     std::fs::write(&path, damaged).unwrap();
     let (_, document) = fixture.open("paused", &[]);
-    let said = problem(&document);
-    assert!(said.contains("damaged"), "message: {said}");
+    let message = problem(&document);
+    assert!(message.contains("damaged"), "message: {message}");
 }

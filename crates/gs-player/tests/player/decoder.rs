@@ -61,12 +61,13 @@ pub(crate) fn decode(gzip: &[u8]) -> Payload {
     let header: Value = serde_json::from_slice(bytes.take(length)).unwrap();
     let number = |value: &Value, key: &str| value[key].as_u64().unwrap() as usize;
     let groups = [0, 1, 2, 3].map(|i| header["groups"][i].as_u64().unwrap() as usize);
-    let [a, twins, shared, b] = groups;
+    let [a, same_motion, shared, b] = groups;
     let frames = number(&header, "frames");
     let mut attributes = BTreeMap::new();
     for entry in header["attributes"].as_array().unwrap() {
         let table = entry["table"].as_str().unwrap().to_owned();
-        let rows = a + twins + shared + b + if table == "look" { twins } else { 0 };
+        let rows =
+            a + same_motion + shared + b + if table == "appearance" { same_motion } else { 0 };
         let attribute = attribute(entry, table, rows, frames, &mut bytes);
         attributes.insert(entry["name"].as_str().unwrap().to_owned(), attribute);
     }
@@ -102,13 +103,13 @@ fn attribute(
         };
         stored.chunks(3).flat_map(full).collect()
     };
-    let movers = number("movers");
+    let moving_rows = number("moving_rows");
     let mut moving = Vec::new();
-    if movers > 0 {
+    if moving_rows > 0 {
         let mask = bytes.take(rows.div_ceil(8));
         moving.extend((0..rows).filter(|row| mask[row / 8] >> (row % 8) & 1 == 1));
     }
-    assert_eq!(moving.len(), movers, "as many as declared");
+    assert_eq!(moving.len(), moving_rows, "as many as declared");
     let mut frames_of: Vec<Vec<u32>> = vec![vec![0]];
     for &gap in bytes.take(number("gap_bytes")) {
         match gap {
@@ -120,7 +121,7 @@ fn attribute(
         }
     }
     frames_of.pop();
-    assert_eq!(frames_of.len(), movers, "every mover's gaps end");
+    assert_eq!(frames_of.len(), moving_rows, "every moving row's gaps end");
     let differences = bytes.integers(number("knots"), channels, number("knot_planes"));
     let mut differences = differences.chunks(channels);
     let mut knots = vec![Vec::new(); rows];
@@ -130,12 +131,12 @@ fn attribute(
         let mut track = vec![(0, first)];
         for pair in times.windows(2) {
             let difference = differences.next().unwrap();
-            let (last, neighbour) =
-                (&track.last().unwrap().1, entry["neighbour"].as_bool().unwrap());
+            let (last, knot_delta) =
+                (&track.last().unwrap().1, entry["knot_delta"].as_bool().unwrap());
             let value = (0..channels)
                 .map(|c| {
                     let theirs = before[pair[1] as usize][c] - before[pair[0] as usize][c];
-                    last[c] + difference[c] + if neighbour { theirs } else { 0 }
+                    last[c] + difference[c] + if knot_delta { theirs } else { 0 }
                 })
                 .collect();
             track.push((pair[1], value));
@@ -194,15 +195,16 @@ impl Attribute {
 }
 
 impl Payload {
-    /// Rows of geometry and look of the first (`false`) or second scene.
+    /// Rows of geometry and appearance of the first (`false`) or second scene.
     pub(crate) fn rows(&self, second: bool) -> Vec<(usize, usize)> {
-        let [a, twins, shared, b] = self.groups;
+        let [a, same_motion, shared, b] = self.groups;
         if !second {
-            return (0..a + twins + shared).map(|row| (row, row)).collect();
+            return (0..a + same_motion + shared).map(|row| (row, row)).collect();
         }
-        let twin = (a..a + twins).map(|row| (row, row + twins + shared));
-        let same = (a + twins..a + twins + shared).map(|row| (row, row));
-        let own = (a + twins + shared..a + twins + shared + b).map(|row| (row, row + twins));
-        twin.chain(same).chain(own).collect()
+        let same_motion_rows = (a..a + same_motion).map(|row| (row, row + same_motion + shared));
+        let same = (a + same_motion..a + same_motion + shared).map(|row| (row, row));
+        let own = (a + same_motion + shared..a + same_motion + shared + b)
+            .map(|row| (row, row + same_motion));
+        same_motion_rows.chain(same).chain(own).collect()
     }
 }

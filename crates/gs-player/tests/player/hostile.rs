@@ -4,12 +4,12 @@ use crate::decoder::decode;
 use crate::still::{Frames, row_of};
 use gs_core::Camera;
 use gs_player::{
-    Annotations, Encoded, Legend, Options, Overlay, Page, PageScenes, PlayerError, encode,
+    Annotations, EncodeOptions, Encoded, Legend, Overlay, Page, PageScenes, PlayerError, encode,
     encode_annotated, page, served_page, source_file,
 };
 
 fn encoded(scene: &Frames, times: &[f32]) -> Result<Encoded, PlayerError> {
-    encode(scene, None, times, &Options::default(), &mut |_, _| {})
+    encode(scene, None, times, &EncodeOptions::default(), &mut |_, _| {})
 }
 
 #[test]
@@ -68,13 +68,13 @@ fn single_frames_and_single_points_are_valid_scenes() {
 #[test]
 fn options_out_of_range_are_refused() {
     let scene = Frames(vec![row_of(2)]);
-    let default = Options::default();
+    let default = EncodeOptions::default();
     for (name, options) in [
-        ("sh_degree", Options { sh_degree: 4, ..default }),
-        ("position_steps", Options { position_steps: f64::NAN, ..default }),
-        ("rotation_step", Options { rotation_step: 0.0, ..default }),
-        ("scale_step", Options { scale_step: f64::INFINITY, ..default }),
-        ("tolerance", Options { tolerance: 0.2, ..default }),
+        ("sh_degree", EncodeOptions { sh_degree: 4, ..default }),
+        ("position_steps", EncodeOptions { position_steps: f64::NAN, ..default }),
+        ("rotation_step", EncodeOptions { rotation_step: 0.0, ..default }),
+        ("scale_step", EncodeOptions { scale_step: f64::INFINITY, ..default }),
+        ("tolerance", EncodeOptions { tolerance: 0.2, ..default }),
     ] {
         let error = encode(&scene, None, &[0.0], &options, &mut |_, _| {}).unwrap_err().to_string();
         assert!(error.contains(name), "names the option: {error}");
@@ -82,7 +82,7 @@ fn options_out_of_range_are_refused() {
 }
 
 #[test]
-fn titles_cannot_break_the_page() {
+fn titles_are_escaped() {
     let encoded = encoded(&Frames(vec![row_of(2)]), &[0.0]).unwrap();
     let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 64, 48);
     let mut settings = Page {
@@ -107,7 +107,7 @@ fn titles_cannot_break_the_page() {
 }
 
 #[test]
-fn sources_that_do_not_fit_together_are_refused() {
+fn incompatible_sources_are_refused() {
     let still = encoded(&Frames(vec![row_of(2)]), &[0.0]).unwrap();
     let moving = encoded(&Frames(vec![row_of(2)]), &[0.0, 1.0]).unwrap();
     let camera = Camera::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 0.8, 64, 48);
@@ -137,7 +137,7 @@ fn sources_that_do_not_fit_together_are_refused() {
 }
 
 #[test]
-fn overlays_that_do_not_fit_are_refused() {
+fn mismatched_overlays_are_refused() {
     let scene = Frames(vec![row_of(3)]);
     let good = Overlay {
         name: "parts".to_owned(),
@@ -148,7 +148,7 @@ fn overlays_that_do_not_fit_are_refused() {
     };
     let result = |overlays: &[Overlay]| {
         let annotations = Annotations { overlays, row_numbers: false };
-        let options = Options::default();
+        let options = EncodeOptions::default();
         encode_annotated(&scene, None, &[0.0], &options, &annotations, &mut |_, _| {})
     };
     assert!(result(std::slice::from_ref(&good)).is_ok(), "fits");

@@ -3,7 +3,7 @@
 
 use crate::browser::browser;
 use crate::still::{Frames, row_of};
-use gs_player::{Options, encode};
+use gs_player::{EncodeOptions, encode};
 use std::fmt::Write;
 use std::io::Read;
 use std::process::{Command, Stdio};
@@ -84,7 +84,7 @@ fn mutated_payloads_are_decoded_or_refused() {
     }
     let times = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0];
     let encoded =
-        encode(&Frames(frames), None, &times, &Options::default(), &mut |_, _| {}).unwrap();
+        encode(&Frames(frames), None, &times, &EncodeOptions::default(), &mut |_, _| {}).unwrap();
     let mut payload = Vec::new();
     flate2::read::GzDecoder::new(&encoded.payload[..]).read_to_end(&mut payload).unwrap();
     let mut bytes = String::new();

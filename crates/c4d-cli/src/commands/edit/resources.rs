@@ -183,7 +183,7 @@ fn read_masks(
             .next("c4d freeze SCENE -o FRAME writes cameras.json; draw masks for its cameras into FRAME/masks/NAME.png.")
     })?;
     let set = cameras::open(file, None, opened, console)?;
-    let stations: Vec<&Camera> = set.views.iter().map(|view| &view.camera).collect();
+    let candidates: Vec<&Camera> = set.views.iter().map(|view| &view.camera).collect();
     let entries = std::fs::read_dir(folder).map_err(|error| {
         Failure::bad_input(format!("cannot read {}: {error}", folder.display()))
     })?;
@@ -196,12 +196,12 @@ fn read_masks(
     let mut views = Vec::new();
     for path in &pictures {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let camera = stations.iter().find(|camera| {
+        let camera = candidates.iter().find(|camera| {
             camera.name == stem
                 || Path::new(&camera.name).file_stem().is_some_and(|name| *name == *stem)
         });
         let camera = camera.ok_or_else(|| {
-            let names: Vec<&str> = stations.iter().take(8).map(|c| c.name.as_str()).collect();
+            let names: Vec<&str> = candidates.iter().take(8).map(|c| c.name.as_str()).collect();
             Failure::bad_input(format!(
                 "{}: {} has no camera of this name",
                 path.display(),

@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::failure::{Failure, Outcome};
 use crate::output::{check_sh_degree, existing, output_failure, refuse_overlap};
 use crate::scene::LoadedScene;
-use gs_io::{Clip, IoError, Losses, fourdgs_file, splat4d, splatv, usda};
+use gs_io::{Clip, FormatLosses, IoError, fourdgs_file, splat4d, splatv, usda};
 use std::time::Instant;
 
 pub(super) fn write(
@@ -45,7 +45,7 @@ fn check(args: &ExportArgs, opened: &LoadedScene) -> Outcome {
 }
 
 /// Description of the written file, and its losses.
-type Written = (String, Losses);
+type Written = (String, FormatLosses);
 
 fn write_splat4d(
     args: &ExportArgs,

@@ -13,9 +13,9 @@ use crate::overlays::{Layer, LayerSource};
 use crate::renderer::Renderer;
 use crate::scene::LoadedScene;
 use gs_core::{Camera, DynamicScene, Image};
-use gs_io::{AtomicFile, Losses};
+use gs_io::{AtomicFile, FormatLosses};
 use gs_player::{
-    Annotations, EncodeReport, Options, Overlay, Page, PageScenes, PlayerError, Poster,
+    Annotations, EncodeOptions, EncodeReport, Overlay, Page, PageScenes, PlayerError, Poster,
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use std::io::Write;
@@ -33,9 +33,9 @@ pub(super) fn write(
 ) -> Outcome {
     check_sh_degree(args.sh_degree, opened.scene.sh_degree())?;
     refuse_overlap(&args.output, &opened.roots)?;
-    let options = Options {
-        sh_degree: args.sh_degree.unwrap_or(Options::default().sh_degree),
-        ..Options::default()
+    let options = EncodeOptions {
+        sh_degree: args.sh_degree.unwrap_or(EncodeOptions::default().sh_degree),
+        ..EncodeOptions::default()
     };
     // Refuse the output before the work, not after it.
     let mut file = AtomicFile::create(&args.output, existing(global))
@@ -121,13 +121,13 @@ fn counts(report: &EncodeReport) -> String {
     }
     format!(
         "{} splats before the edit and {} after it ({} identical, {} with the same motion)",
-        report.first, report.second, report.shared, report.twins
+        report.first, report.second, report.shared, report.same_motion
     )
 }
 
 /// Losses of the page.
-fn losses(report: &EncodeReport, options: &Options, frames: usize) -> Losses {
-    let mut losses = Losses::none();
+fn losses(report: &EncodeReport, options: &EncodeOptions, frames: usize) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     let (available, kept) = report.sh_degree;
     if kept < available {
         losses.push(format!(

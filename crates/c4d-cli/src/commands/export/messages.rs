@@ -2,13 +2,13 @@
 
 use crate::args::ExportArgs;
 use crate::console::Console;
-use gs_io::Losses;
+use gs_io::FormatLosses;
 use std::path::Path;
 use std::time::Duration;
 
 /// Losses of a sequence of 32-bit floats.
-pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> Losses {
-    let mut losses = Losses::none();
+pub(super) fn plain_losses(args: &ExportArgs, available: usize) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     if let Some(degree) = args.sh_degree.filter(|&degree| degree < available) {
         losses.push(format!("SH degree {available} becomes {degree}"));
     }
@@ -20,7 +20,7 @@ pub(super) fn note_written(
     output: &Path,
     elapsed: Duration,
     what: &str,
-    losses: &Losses,
+    losses: &FormatLosses,
     console: &Console,
 ) {
     let megabytes = size(output) as f64 / 1e6;
@@ -30,7 +30,7 @@ pub(super) fn note_written(
 }
 
 /// Prints the losses.
-pub(crate) fn note_losses(losses: &Losses, console: &Console) {
+pub(crate) fn note_losses(losses: &FormatLosses, console: &Console) {
     for sentence in losses.sentences() {
         console.note(format!("not kept: {sentence}"));
     }

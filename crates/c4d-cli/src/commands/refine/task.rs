@@ -166,8 +166,8 @@ fn cameras(flags: &RefineFlags, loaded: &Run, console: &Console) -> Outcome<(Vec
         let set = crate::cameras::open(path, None, source, console)?;
         // Held-out views are not used. Every camera is used at every time, because the images are
         // renders of the scene itself.
-        let train = gs_io::cameras::stations(set.split(Split::Train));
-        let cameras = if train.is_empty() { set.stations() } else { train };
+        let train = gs_io::cameras::distinct_cameras(set.split(Split::Train));
+        let cameras = if train.is_empty() { set.distinct_cameras() } else { train };
         let count = cameras.len();
         let mut cameras = crate::cameras::thinned(cameras, MAX_CAMERAS);
         if count > cameras.len() {

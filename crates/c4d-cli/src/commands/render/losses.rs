@@ -3,11 +3,11 @@
 use crate::animated_image::GIF_MAX_FPS;
 use crate::args::{Format, Pass, RenderArgs};
 use crate::rates;
-use gs_io::Losses;
+use gs_io::FormatLosses;
 
 /// Losses of a render's format.
-pub(super) fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> Losses {
-    let mut losses = Losses::none();
+pub(super) fn losses(format: Format, args: &RenderArgs, frames: usize, fps: f64) -> FormatLosses {
+    let mut losses = FormatLosses::none();
     match format {
         Format::Mp4 => {
             losses.push(

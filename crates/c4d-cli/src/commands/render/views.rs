@@ -154,6 +154,6 @@ fn of_files(
             Ok(Views::Path(chosen))
         }
         None if chosen.iter().all(|camera| camera.time.is_none()) => Ok(Views::Fixed(chosen)),
-        None => Ok(Views::Fixed(gs_io::cameras::stations(chosen.iter()))),
+        None => Ok(Views::Fixed(gs_io::cameras::distinct_cameras(chosen.iter()))),
     }
 }

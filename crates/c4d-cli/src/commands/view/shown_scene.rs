@@ -11,7 +11,7 @@ use crate::memory;
 use crate::overlays::LayerSource;
 use crate::scene::LoadedScene;
 use gs_core::DynamicScene;
-use gs_player::{Annotations, Encoded, Options, Overlay};
+use gs_player::{Annotations, EncodeOptions, Encoded, Overlay};
 use std::path::{Path, PathBuf};
 
 /// A scene, encoded.
@@ -54,8 +54,8 @@ impl ShownScene {
             Some(original) if has_before => (original.as_ref(), Some(scene)),
             _ => (scene, None),
         };
-        let degree = args.sh_degree.unwrap_or(Options::default().sh_degree);
-        let options = Options { sh_degree: degree, ..Options::default() };
+        let degree = args.sh_degree.unwrap_or(EncodeOptions::default().sh_degree);
+        let options = EncodeOptions { sh_degree: degree, ..EncodeOptions::default() };
         let annotations = Annotations { overlays: &overlays, row_numbers: true };
         let steps = 2 * (1 + u64::from(has_before)) * frames as u64;
         let mut progress = console.progress("encode", steps);

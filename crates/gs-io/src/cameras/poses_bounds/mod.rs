@@ -131,7 +131,7 @@ pub(in crate::cameras) fn open(
             "photographs, not videos: the cameras have no times".to_owned()
         } else {
             format!(
-                "no videos or frames beside {file}: cameras are named by their row and have no \
+                "no videos or frames next to {file}: cameras are named by their row and have no \
                 times"
             )
         });

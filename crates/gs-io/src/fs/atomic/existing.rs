@@ -24,20 +24,20 @@ pub(super) fn refuse_special(path: &Path, kind: FileType) -> Result<(), IoError>
         |what: String, next: String| Err(IoError::Taken { path: path.to_owned(), what, next });
     if !kind.is_symlink() {
         let what = format!("is {}, which c4d does not write to", special_name(kind));
-        return taken(what, "Choose another name for the output.".to_owned());
+        return taken(what, "Choose a different name for the output.".to_owned());
     }
     match (path.canonicalize(), std::fs::read_link(path)) {
         (Ok(target), _) => taken(
             format!("is a link to {}, and links are not replaced", target.display()),
-            format!("Give {} itself, or choose another name.", target.display()),
+            format!("Use {} itself, or choose a different name.", target.display()),
         ),
         (Err(_), Ok(target)) => taken(
             format!("is a link to {}, which does not exist", target.display()),
-            "Remove the link, or choose another name.".to_owned(),
+            "Remove the link, or choose a different name.".to_owned(),
         ),
         (Err(error), Err(_)) => taken(
             format!("is a link that cannot be read ({error})"),
-            "Remove the link, or choose another name.".to_owned(),
+            "Remove the link, or choose a different name.".to_owned(),
         ),
     }
 }

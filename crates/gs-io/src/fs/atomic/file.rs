@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 ///
 /// With [`Existing::Replace`], a file is replaced only if its content is of the
 /// kind being written: an image by an image, a clip by a clip of the same format. A
-/// file of another kind was probably named by mistake.
+/// file of a different kind was probably named by mistake.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
@@ -90,7 +90,7 @@ fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoEr
     };
     let fits = match expected {
         _ if old == FileContent::Empty => true,
-        // The name is unspecific; the written content decides later.
+        // The name is unspecific; the written content is compared later.
         FileContent::Unknown if by.is_none() => old != FileContent::Unknown,
         expected => old == expected && old != FileContent::Unknown,
     };
@@ -104,7 +104,7 @@ fn refuse(path: &Path, existing: Existing, by: Option<&Path>) -> Result<(), IoEr
     Err(IoError::Taken {
         path: path.to_owned(),
         what,
-        next: "Choose another name, or move that file elsewhere.".to_owned(),
+        next: "Choose a different name, or move that file elsewhere.".to_owned(),
     })
 }
 

@@ -1,7 +1,7 @@
 //! [`AtomicDir`]: a folder that is complete or absent.
 
 use super::existing::{Existing, refuse_special};
-use super::record::{Compare, Place, Record, unrecorded_entry};
+use super::record::{Compare, Record, RecordLocation, unrecorded_entry};
 use super::reservation::Reservation;
 use crate::error::IoError;
 use crate::fs::list_names;
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct AtomicDir {
     path: PathBuf,
     existing: Existing,
-    record: Place,
+    record: RecordLocation,
     reservation: Reservation,
 }
 
@@ -29,7 +29,7 @@ impl AtomicDir {
     /// If `path` exists and must not be replaced, another process is writing it, or the folder
     /// cannot be created.
     pub fn create(path: &Path, existing: Existing) -> Result<Self, IoError> {
-        Self::with_record(path, existing, Place::Inside)
+        Self::with_record(path, existing, RecordLocation::Inside)
     }
 
     /// As [`AtomicDir::create`], with the record next to the folder, for formats whose readers
@@ -38,10 +38,14 @@ impl AtomicDir {
     /// # Errors
     /// As [`AtomicDir::create`].
     pub fn create_bare(path: &Path, existing: Existing) -> Result<Self, IoError> {
-        Self::with_record(path, existing, Place::Beside)
+        Self::with_record(path, existing, RecordLocation::NextTo)
     }
 
-    fn with_record(path: &Path, existing: Existing, record: Place) -> Result<Self, IoError> {
+    fn with_record(
+        path: &Path,
+        existing: Existing,
+        record: RecordLocation,
+    ) -> Result<Self, IoError> {
         let path: PathBuf = path.components().collect();
         refuse(&path, existing)?;
         let reservation = Reservation::take(&path)?;
@@ -64,22 +68,22 @@ impl AtomicDir {
         let Self { path, existing, record, reservation } = self;
         let failed = |source| IoError::Write { path: super::final_path(&path), source };
         let files = Record::of_folder(reservation.partial()).map_err(failed)?;
-        let beside = Place::Beside.of(&path);
+        let next_to = RecordLocation::NextTo.of(&path);
         match record {
-            Place::Inside => {
-                files.write(&Place::Inside.of(reservation.partial())).map_err(failed)?;
+            RecordLocation::Inside => {
+                files.write(&RecordLocation::Inside.of(reservation.partial())).map_err(failed)?;
             }
-            Place::Beside => files.append(&beside).map_err(failed)?,
+            RecordLocation::NextTo => files.append(&next_to).map_err(failed)?,
         }
         refuse(&path, existing)?;
-        reservation.commit_folder(|old| may_go(old, &path, Compare::Sizes))?;
+        reservation.commit_folder(|old| may_replace(old, &path, Compare::Sizes))?;
         match record {
-            Place::Inside => {
+            RecordLocation::Inside => {
                 // Best effort: a leftover record of a removed folder is harmless.
-                let _ = fs::remove_file(beside);
+                let _ = fs::remove_file(next_to);
                 Ok(())
             }
-            Place::Beside => files.write(&beside).map_err(failed),
+            RecordLocation::NextTo => files.write(&next_to).map_err(failed),
         }
     }
 }
@@ -95,7 +99,7 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
         return Err(IoError::Taken {
             path: path.to_owned(),
             what: "is a mount point and cannot be replaced".to_owned(),
-            next: format!("Give a folder inside it, such as {}.", path.join("NAME").display()),
+            next: format!("Use a folder inside it, such as {}.", path.join("NAME").display()),
         });
     }
     if list_names(path)?.is_empty() {
@@ -104,7 +108,7 @@ fn refuse(path: &Path, existing: Existing) -> Result<(), IoError> {
     if existing == Existing::Refuse {
         return Err(IoError::Exists { path: super::final_path(path) });
     }
-    may_go(path, path, Compare::Content)
+    may_replace(path, path, Compare::Content)
 }
 
 /// Whether the folder `path` is a mount point, to which nothing can be renamed.
@@ -123,10 +127,10 @@ fn is_mount_point(_path: &Path, _found: &fs::Metadata) -> bool {
 
 /// Fails if `folder`, the current or previous content of `output`, has entries that this program
 /// did not write, so that it must not be removed.
-fn may_go(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
+fn may_replace(folder: &Path, output: &Path, compare: Compare) -> Result<(), IoError> {
     let failed = |source| IoError::Read { path: output.to_owned(), source };
     match unrecorded_entry(folder, output, compare).map_err(failed)? {
-        Some(found) => Err(IoError::NotOurs {
+        Some(found) => Err(IoError::UnrecordedEntry {
             path: super::final_path(output),
             entry: found.entry,
             what: found.what,
@@ -175,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_was_written_here_is_replaced() {
+    fn only_folders_of_this_program_are_replaced() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out");
         let files = [("a.png", "ours"), ("deep/b.png", "ours, too")];
@@ -184,7 +188,7 @@ mod tests {
             write(&path, Existing::Refuse, &files).unwrap();
             change();
             let error = write(&path, Existing::Replace, &files).unwrap_err();
-            let IoError::NotOurs { entry: found, what: why, .. } = &error else {
+            let IoError::UnrecordedEntry { entry: found, what: why, .. } = &error else {
                 panic!("{error}")
             };
             assert_eq!((found.as_str(), *why), (entry, what), "{error}");
@@ -225,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_may_be_beside_the_folder() {
+    fn a_record_may_be_next_to_the_folder() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out");
         let write = |text: &str| {
@@ -236,14 +240,14 @@ mod tests {
         write("one").unwrap();
         write("other").unwrap();
         assert_eq!(names(&path), ["frame_0"], "only frames");
-        assert_eq!(names(dir.path()), [".out.c4d-files", "out"], "beside");
+        assert_eq!(names(dir.path()), [".out.c4d-files", "out"], "next to the folder");
         fs::write(path.join("frame_0"), "edited").unwrap();
         let error = write("third").unwrap_err().to_string();
         assert!(error.contains("`frame_0`") && error.contains("was changed"), "{error}");
     }
 
     #[test]
-    fn messages_name_the_output_not_its_temporary() {
+    fn messages_name_the_output_not_the_temporary_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("out.v2");
         let folder = AtomicDir::create(&path, Existing::Refuse).unwrap();

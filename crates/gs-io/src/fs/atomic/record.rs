@@ -23,19 +23,19 @@ pub(crate) fn is_bookkeeping(name: &str) -> bool {
 
 /// Location of a folder's record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum RecordLocation {
     /// In the folder, so that it moves with the folder.
     Inside,
-    /// Beside the folder, for folders in which other programs interpret every file.
-    Beside,
+    /// Next to the folder, for folders in which other programs interpret every file.
+    NextTo,
 }
 
-impl Place {
+impl RecordLocation {
     /// The record of `folder`.
     pub(super) fn of(self, folder: &Path) -> PathBuf {
         match self {
             Self::Inside => folder.join(INSIDE),
-            Self::Beside => {
+            Self::NextTo => {
                 let name = folder.file_name().unwrap_or_default();
                 folder.with_file_name(hidden_name(name, INSIDE))
             }
@@ -211,8 +211,8 @@ pub(super) fn unrecorded_entry(
     recorded_as: &Path,
     compare: Compare,
 ) -> io::Result<Option<UnrecordedEntry>> {
-    let beside = Record::read(&Place::Beside.of(recorded_as));
-    let mut walk = Walk { records: vec![(String::new(), beside)], compare };
+    let next_to = Record::read(&RecordLocation::NextTo.of(recorded_as));
+    let mut walk = Walk { records: vec![(String::new(), next_to)], compare };
     walk.folder(folder, "")
 }
 
@@ -227,7 +227,7 @@ impl Walk {
     fn folder(&mut self, folder: &Path, prefix: &str) -> io::Result<Option<UnrecordedEntry>> {
         let mut entries = fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
         entries.sort_by_key(fs::DirEntry::file_name);
-        self.records.push((prefix.to_owned(), Record::read(&Place::Inside.of(folder))));
+        self.records.push((prefix.to_owned(), Record::read(&RecordLocation::Inside.of(folder))));
         for entry in entries {
             let name = entry.file_name().to_string_lossy().into_owned();
             let kind = entry.file_type()?;
@@ -243,7 +243,7 @@ impl Walk {
             if kind.is_dir() {
                 let own = format!("{path}/");
                 if !self.any_record(&path, Record::has_folder)
-                    && Record::read(&Place::Inside.of(&entry.path())).0.is_empty()
+                    && Record::read(&RecordLocation::Inside.of(&entry.path())).0.is_empty()
                 {
                     return unrecorded(UNKNOWN);
                 }

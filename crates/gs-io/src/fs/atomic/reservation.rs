@@ -77,10 +77,10 @@ impl Reservation {
     }
 
     /// Moves the complete folder to its name. Previous content is removed only after that, and only
-    /// if `may_go` still allows it.
+    /// if `may_replace` still allows it.
     pub(super) fn commit_folder(
         self,
-        may_go: impl Fn(&Path) -> Result<(), IoError>,
+        may_replace: impl Fn(&Path) -> Result<(), IoError>,
     ) -> Result<(), IoError> {
         let Unfinished { output, partial, .. } = &self.names;
         let failed = |source| IoError::Write { path: final_path(output), source };
@@ -88,7 +88,7 @@ impl Reservation {
             return fs::rename(partial, output).map_err(failed);
         }
         if exchange(partial, output) {
-            if let Err(error) = may_go(partial) {
+            if let Err(error) = may_replace(partial) {
                 exchange(partial, output);
                 return Err(error);
             }
@@ -101,7 +101,7 @@ impl Reservation {
             let _ = put_back();
             return Err(failed(error));
         }
-        if let Err(error) = may_go(&self.replaced) {
+        if let Err(error) = may_replace(&self.replaced) {
             fs::rename(output, partial).and_then(|()| put_back()).map_err(failed)?;
             return Err(error);
         }
@@ -152,11 +152,14 @@ pub(super) fn hidden_name(name: &OsStr, ending: &str) -> OsString {
 fn lock(output: &Path, path: &Path) -> Result<File, IoError> {
     let failed = |source| IoError::Write { path: final_path(output), source };
     loop {
-        // Anything else with this name is in the way; opening a FIFO would block.
+        // Only a regular file can be the lock; opening a FIFO would block.
         if let Ok(found) = fs::symlink_metadata(path)
             && !found.is_file()
         {
-            return Err(IoError::content(path, "is in the way of a lock file; remove it"));
+            return Err(IoError::content(
+                path,
+                "has the name of a lock file but is not a regular file; remove it",
+            ));
         }
         let file = OpenOptions::new()
             .read(true)

@@ -1,7 +1,7 @@
 //! [`FolderUpdate`]: replaces single files of a folder that this program wrote.
 
 use super::existing::refuse_special;
-use super::record::{Place, Record, Stamp};
+use super::record::{Record, RecordLocation, Stamp};
 use super::reservation::Reservation;
 use crate::error::IoError;
 use std::fs::{self, File};
@@ -30,7 +30,7 @@ impl FolderUpdate {
         }
         let reservation = Reservation::take(&folder)?;
         // Tested before the work, not after it.
-        let record = Place::Inside.of(&folder);
+        let record = RecordLocation::Inside.of(&folder);
         Record::default().append(&record).map_err(IoError::write(given))?;
         Ok(Self { folder, _reservation: reservation })
     }
@@ -42,7 +42,7 @@ impl FolderUpdate {
     /// If it must not be replaced, or cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8], has_read: bool) -> Result<(), IoError> {
         let path = self.folder.join(name);
-        let record = Place::Inside.of(&self.folder);
+        let record = RecordLocation::Inside.of(&self.folder);
         let failed = |source| IoError::Write { path: path.clone(), source };
         if let Ok(found) = fs::symlink_metadata(&path) {
             refuse_special(&path, found.file_type())?;
@@ -51,7 +51,7 @@ impl FolderUpdate {
             }
             let stamp = Stamp::of_file(&path).map_err(failed)?;
             if !has_read && !Record::read(&record).contains(name, stamp) {
-                return Err(IoError::NotOurs {
+                return Err(IoError::UnrecordedEntry {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
                     what: "was not written by it, or was changed since",
@@ -73,13 +73,13 @@ impl FolderUpdate {
     /// If the name is taken by something else, or the file cannot be opened.
     pub fn growing(&self, name: &str) -> Result<File, IoError> {
         let path = self.folder.join(name);
-        let record = Place::Inside.of(&self.folder);
+        let record = RecordLocation::Inside.of(&self.folder);
         let failed = |source| IoError::Write { path: path.clone(), source };
         let known = Record::read(&record).contains(name, Stamp::GROWING);
         if let Ok(found) = fs::symlink_metadata(&path) {
             refuse_special(&path, found.file_type())?;
             if !known {
-                return Err(IoError::NotOurs {
+                return Err(IoError::UnrecordedEntry {
                     path: self.folder.clone(),
                     entry: name.to_owned(),
                     what: "was not written by it",
@@ -142,7 +142,7 @@ mod tests {
         fs::write(run.join("scene"), "of the user").unwrap();
         let update = FolderUpdate::begin(&run).unwrap();
         assert!(
-            matches!(update.write("scene", b"", false), Err(IoError::NotOurs { .. })),
+            matches!(update.write("scene", b"", false), Err(IoError::UnrecordedEntry { .. })),
             "theirs"
         );
         update.write("scene", b"merged", true).unwrap();

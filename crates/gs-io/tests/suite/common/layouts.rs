@@ -193,12 +193,12 @@ fn eigen(mut a: Matrix) -> ([f64; 4], Matrix) {
                 }
                 let theta = 0.5 * (2.0 * a[p][q]).atan2(a[q][q] - a[p][p]);
                 let (s, c) = theta.sin_cos();
-                let mut turn: Matrix =
+                let mut rotation: Matrix =
                     std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-                (turn[p][p], turn[q][q], turn[p][q], turn[q][p]) = (c, c, s, -s);
-                let transposed = std::array::from_fn(|i| std::array::from_fn(|j| turn[j][i]));
-                a = product(&transposed, &product(&a, &turn));
-                axes = product(&axes, &turn);
+                (rotation[p][p], rotation[q][q], rotation[p][q], rotation[q][p]) = (c, c, s, -s);
+                let transposed = std::array::from_fn(|i| std::array::from_fn(|j| rotation[j][i]));
+                a = product(&transposed, &product(&a, &rotation));
+                axes = product(&axes, &rotation);
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Writes PyTorch archives, and scenes for tests of other files.
 
+pub(crate) mod changing_scene;
 #[allow(dead_code, reason = "the rest is used by an example and by tests of `c4d-cli`")]
 pub(crate) mod layouts;
-pub(crate) mod lively;
 #[allow(dead_code, reason = "the rest is used by tests of `c4d-cli`")]
 pub(crate) mod tsog;
 

@@ -4,7 +4,7 @@
 pub(crate) const ALWAYS: f64 = 1e4;
 
 /// Opacities at most this large are ignored in the fit.
-const LEAST: f64 = 1e-4;
+const MIN_OPACITY: f64 = 1e-4;
 
 /// Running sums of one splat's opacities.
 #[derive(Debug, Clone, Copy, Default)]
@@ -32,7 +32,7 @@ impl Sums {
     pub(crate) fn add(&mut self, t: f64, opacity: f64) {
         self.count += 1.0;
         self.total += opacity;
-        let opacity = opacity.max(LEAST);
+        let opacity = opacity.max(MIN_OPACITY);
         let (weight, log) = (opacity * opacity, opacity.ln());
         let mut power = weight;
         for k in 0..5 {

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Range of every value over the clip.
 #[derive(Debug)]
-pub(super) struct Survey {
+pub(super) struct ValueRanges {
     /// By attribute, then row.
     ranges: [Vec<Range>; 5],
     /// Positions of the first frame.
@@ -25,7 +25,7 @@ struct Range {
 impl Range {
     const EMPTY: Self = Self { min: [f32::INFINITY; 4], max: [f32::NEG_INFINITY; 4] };
 
-    fn see(&mut self, values: [f32; 4]) {
+    fn add(&mut self, values: [f32; 4]) {
         for (k, value) in values.into_iter().enumerate() {
             self.min[k] = self.min[k].min(value);
             self.max[k] = self.max[k].max(value);
@@ -33,18 +33,18 @@ impl Range {
     }
 }
 
-impl Survey {
+impl ValueRanges {
     pub(super) fn new(num_splats: usize) -> Self {
         Self { ranges: Attribute::ALL.map(|_| vec![Range::EMPTY; num_splats]), first: Vec::new() }
     }
 
-    pub(super) fn see(&mut self, splats: &Splats, hemispheres: &Hemispheres) {
+    pub(super) fn add(&mut self, splats: &Splats, hemispheres: &Hemispheres) {
         if self.first.is_empty() {
             self.first.clone_from(&splats.means);
         }
         for attribute in Attribute::ALL {
             for (row, range) in self.ranges[attribute as usize].iter_mut().enumerate() {
-                range.see(values(attribute, splats, hemispheres, row));
+                range.add(values(attribute, splats, hemispheres, row));
             }
         }
     }
@@ -54,7 +54,7 @@ impl Survey {
         /// Splats that move by less than this share of the whole scene's size count as static.
         const MOVING_SHARE: f64 = 0.002;
         let first: Vec<[f32; 3]> = rows.iter().map(|&row| self.first[row]).collect();
-        let least = MOVING_SHARE * trimmed_diagonal(&first);
+        let minimum = MOVING_SHARE * trimmed_diagonal(&first);
         let ranges = &self.ranges[Attribute::Pos as usize];
         let moved: Vec<bool> = rows
             .iter()
@@ -62,7 +62,7 @@ impl Survey {
                 let range = &ranges[row];
                 let squared: f64 =
                     (0..3).map(|k| f64::from(range.max[k] - range.min[k]).powi(2)).sum();
-                squared.sqrt() > least
+                squared.sqrt() > minimum
             })
             .collect();
         size_of(&first, &moved)
@@ -107,8 +107,8 @@ impl Survey {
     pub(super) fn bounds(&self, rows: &[usize]) -> [f32; 6] {
         let mut all = Range::EMPTY;
         for &row in rows {
-            all.see(self.ranges[Attribute::Pos as usize][row].min);
-            all.see(self.ranges[Attribute::Pos as usize][row].max);
+            all.add(self.ranges[Attribute::Pos as usize][row].min);
+            all.add(self.ranges[Attribute::Pos as usize][row].max);
         }
         let ([x, y, z, _], [u, v, w, _]) = (all.min, all.max);
         [x, y, z, u, v, w]
@@ -182,11 +182,11 @@ fn morton(point: [f32; 3], bounds: [f32; 6]) -> u64 {
     let mut code = 0;
     for k in 0..3 {
         let span = (f64::from(bounds[k + 3]) - f64::from(bounds[k])).max(f64::MIN_POSITIVE);
-        let place = (f64::from(point[k]) - f64::from(bounds[k])) / span * CELLS;
+        let position = (f64::from(point[k]) - f64::from(bounds[k])) / span * CELLS;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let place = place.clamp(0.0, CELLS) as u64;
+        let position = position.clamp(0.0, CELLS) as u64;
         for bit in 0..21 {
-            code |= (place >> bit & 1) << (3 * bit + k as u64);
+            code |= (position >> bit & 1) << (3 * bit + k as u64);
         }
     }
     code
@@ -202,15 +202,15 @@ pub(super) struct Order {
 }
 
 impl Order {
-    pub(super) fn changes(&self, place: usize, attribute: Attribute) -> bool {
-        self.changing[place] >> attribute.id() & 1 == 1
+    pub(super) fn changes(&self, position: usize, attribute: Attribute) -> bool {
+        self.changing[position] >> attribute.id() & 1 == 1
     }
 
     /// Scene rows of the splats whose attribute changes, in the order of the file.
     pub(super) fn dynamic_rows(&self, attribute: Attribute) -> impl Iterator<Item = usize> + '_ {
         (0..self.rows.len())
-            .filter(move |&place| self.changes(place, attribute))
-            .map(|place| self.rows[place])
+            .filter(move |&position| self.changes(position, attribute))
+            .map(|position| self.rows[position])
     }
 
     pub(super) fn dynamic_count(&self, attribute: Attribute) -> usize {
@@ -228,7 +228,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn curve_visits_octants_in_turn() {
+    fn curve_visits_octants_in_order() {
         let bounds = [0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
         let octants: Vec<u64> = (0..8_u8)
             .map(|i| morton([0, 1, 2].map(|k| if i >> k & 1 == 1 { 0.9 } else { 0.1 }), bounds))

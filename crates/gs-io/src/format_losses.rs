@@ -1,4 +1,4 @@
-//! [`Losses`]: sentences that describe the losses of a written file.
+//! [`FormatLosses`]: sentences that describe the losses of a written file.
 
 use std::fmt::{self, Display};
 
@@ -8,9 +8,9 @@ use std::fmt::{self, Display};
 /// A sentence states the loss and, if possible, its size: "SH degree 3 becomes 0: colour no longer
 /// depends on the view", "positions are rounded to 1/8192 of a unit".
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Losses(Vec<String>);
+pub struct FormatLosses(Vec<String>);
 
-impl Losses {
+impl FormatLosses {
     /// Nothing lost.
     pub fn none() -> Self {
         Self::default()
@@ -36,7 +36,7 @@ impl Losses {
     }
 }
 
-impl Display for Losses {
+impl Display for FormatLosses {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0.join("\n"))
     }
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn sentences_are_not_repeated() {
-        let mut losses = Losses::none();
+        let mut losses = FormatLosses::none();
         assert!(losses.is_empty() && losses.to_string().is_empty(), "no losses");
         losses.push("normals are zero");
         losses.push("normals are zero");

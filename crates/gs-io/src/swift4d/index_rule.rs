@@ -20,7 +20,7 @@ const TRAINED: f64 = 0.1;
 
 /// The rule that explains the table, from the x coordinates in the box
 /// of the moving Gaussians; `None` if both do.
-pub(super) fn index_rule(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
+pub(super) fn infer(grid: &HashGrid, xs: &[f32]) -> Option<IndexRule> {
     let occupied = occupied(xs);
     // Changed entries and all entries, outside and inside the slices.
     let mut counts = [[0_usize; 2]; 2];
@@ -107,19 +107,19 @@ mod tests {
     }
 
     #[test]
-    fn unchanged_entries_reveal_the_rule() {
+    fn the_rule_is_inferred_from_unchanged_entries() {
         for rule in [IndexRule::Current, IndexRule::Older] {
             let (grid, xs) = trained(rule, 4000, (0.3, 0.6));
-            assert_eq!(index_rule(&grid, &xs), Some(rule), "something in the middle moves");
+            assert_eq!(infer(&grid, &xs), Some(rule), "something in the middle moves");
         }
     }
 
     #[test]
-    fn no_answer_without_evidence() {
+    fn no_rule_is_inferred_without_evidence() {
         let (grid, xs) = trained(IndexRule::Older, 4000, (0.0, 1.0));
-        assert_eq!(index_rule(&grid, &xs), None, "something moves everywhere");
+        assert_eq!(infer(&grid, &xs), None, "something moves everywhere");
         let (grid, _) = trained(IndexRule::Current, 0, (0.0, 1.0));
-        assert_eq!(index_rule(&grid, &[0.5]), None, "never trained");
-        assert_eq!(index_rule(&grid, &[]), None, "nothing moves");
+        assert_eq!(infer(&grid, &[0.5]), None, "never trained");
+        assert_eq!(infer(&grid, &[]), None, "nothing moves");
     }
 }

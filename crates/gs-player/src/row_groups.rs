@@ -11,13 +11,13 @@ const TRIM: f64 = 0.05;
 
 /// Properties of the rows of one scene over all frames.
 #[derive(Debug)]
-pub(crate) struct Rows {
+pub(crate) struct SceneRows {
     /// Whether the row is finite in every frame and visible in at least one.
     usable: Vec<bool>,
     /// Fingerprint of means, quaternions and scales of all frames.
     geometry: Vec<u64>,
     /// Fingerprint of opacities and stored SH of all frames.
-    look: Vec<u64>,
+    appearance: Vec<u64>,
     /// Centres in the first frame.
     means: Vec<[f32; 3]>,
     /// Rows that are not finite in some frame.
@@ -26,35 +26,35 @@ pub(crate) struct Rows {
     pub(crate) invisible: usize,
 }
 
-/// Rows of the two scenes by shared content. Geometry rows are stored in the order `a`, `twins`,
-/// `shared`, `b`; looks (opacity and colour) in the order `a`, `twins` of the first scene,
-/// `shared`, `twins` of the second, `b`.
+/// Rows of the two scenes by shared content. Geometry rows are stored in the order `a`,
+/// `same_motion`, `shared`, `b`; appearances (opacity and colour) in the order `a`, `same_motion` of
+/// the first scene, `shared`, `same_motion` of the second, `b`.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub(crate) struct Groups {
+pub(crate) struct RowGroups {
     /// Rows only in the first scene.
     pub(crate) a: Vec<usize>,
     /// Rows `(first, second)` with the same motion but different appearance.
-    pub(crate) twins: Vec<(usize, usize)>,
+    pub(crate) same_motion: Vec<(usize, usize)>,
     /// Rows `(first, second)` that are the same in every frame.
     pub(crate) shared: Vec<(usize, usize)>,
     /// Rows only in the second scene.
     pub(crate) b: Vec<usize>,
 }
 
-impl Groups {
-    /// `[a, twins, shared, b]`.
+impl RowGroups {
+    /// `[a, same_motion, shared, b]`.
     pub(crate) fn counts(&self) -> [usize; 4] {
-        [self.a.len(), self.twins.len(), self.shared.len(), self.b.len()]
+        [self.a.len(), self.same_motion.len(), self.shared.len(), self.b.len()]
     }
 
-    /// For each look in the order in which looks are stored, its row in either scene.
-    pub(crate) fn looks(&self) -> Vec<[Option<usize>; 2]> {
+    /// For each appearance in the order in which appearances are stored, its row in either scene.
+    pub(crate) fn appearances(&self) -> Vec<[Option<usize>; 2]> {
         let first = self.a.iter().map(|&row| [Some(row), None]);
-        let twins = self.twins.iter().map(|&(row, _)| [Some(row), None]);
+        let same_motion = self.same_motion.iter().map(|&(row, _)| [Some(row), None]);
         let shared = self.shared.iter().map(|&(first, second)| [Some(first), Some(second)]);
-        let other_twins = self.twins.iter().map(|&(_, row)| [None, Some(row)]);
+        let second_appearances = self.same_motion.iter().map(|&(_, row)| [None, Some(row)]);
         let second = self.b.iter().map(|&row| [None, Some(row)]);
-        first.chain(twins).chain(shared).chain(other_twins).chain(second).collect()
+        first.chain(same_motion).chain(shared).chain(second_appearances).chain(second).collect()
     }
 }
 
@@ -73,10 +73,10 @@ pub(crate) fn evaluate(
     Ok(())
 }
 
-impl Rows {
+impl SceneRows {
     /// Evaluates every frame and compares `sh_coeffs` coefficients of
     /// each splat. Calls `step` after each frame.
-    pub(crate) fn survey(
+    pub(crate) fn analyze(
         scene: &dyn DynamicScene,
         times: &[f32],
         sh_coeffs: usize,
@@ -85,7 +85,7 @@ impl Rows {
         let rows = scene.num_splats();
         let mut finite = vec![true; rows];
         let mut visible = vec![false; rows];
-        let (mut geometry, mut look) = (vec![0_u64; rows], vec![0_u64; rows]);
+        let (mut geometry, mut appearance) = (vec![0_u64; rows], vec![0_u64; rows]);
         let mut means = Vec::new();
         let mut splats = Splats::default();
         for &time in times {
@@ -99,14 +99,15 @@ impl Rows {
                 let shape = splats.means[i].iter().chain(&splats.log_scales[i]);
                 geometry[i] = shape.chain(&splats.quats[i]).copied().fold(geometry[i], mix);
                 let colors = splats.sh_of(i).iter().take(sh_coeffs).flatten();
-                look[i] = colors.copied().fold(mix(look[i], splats.opacity_logits[i]), mix);
+                appearance[i] =
+                    colors.copied().fold(mix(appearance[i], splats.opacity_logits[i]), mix);
             }
             step();
         }
         let usable: Vec<bool> = finite.iter().zip(&visible).map(|(f, v)| *f && *v).collect();
         let not_finite = finite.iter().filter(|finite| !**finite).count();
         let invisible = rows - not_finite - usable.iter().filter(|usable| **usable).count();
-        Ok(Self { usable, geometry, look, means, not_finite, invisible })
+        Ok(Self { usable, geometry, appearance, means, not_finite, invisible })
     }
 
     fn usable_rows(&self) -> impl Iterator<Item = usize> + '_ {
@@ -125,22 +126,22 @@ fn mix(state: u64, value: f32) -> u64 {
 }
 
 /// Finds shared rows by value, for any order of the rows.
-pub(crate) fn group(first: &Rows, second: Option<&Rows>) -> Groups {
+pub(crate) fn group(first: &SceneRows, second: Option<&SceneRows>) -> RowGroups {
     let Some(second) = second else {
-        return Groups { a: first.usable_rows().collect(), ..Groups::default() };
+        return RowGroups { a: first.usable_rows().collect(), ..RowGroups::default() };
     };
-    let mut groups = Groups::default();
-    let whole = |rows: &Rows, row: usize| (rows.geometry[row], rows.look[row]);
+    let mut groups = RowGroups::default();
+    let whole = |rows: &SceneRows, row: usize| (rows.geometry[row], rows.appearance[row]);
     let (shared, first_left, second_left) = matched(
         first.usable_rows().map(|row| (whole(first, row), row)),
         second.usable_rows().map(|row| (whole(second, row), row)),
     );
     groups.shared = shared;
-    let (twins, first_left, second_left) = matched(
+    let (same_motion, first_left, second_left) = matched(
         first_left.into_iter().map(|row| (first.geometry[row], row)),
         second_left.into_iter().map(|row| (second.geometry[row], row)),
     );
-    groups.twins = twins;
+    groups.same_motion = same_motion;
     groups.a = first_left;
     groups.b = second_left;
     groups
@@ -174,7 +175,7 @@ fn matched<K: Eq + std::hash::Hash>(
 
 /// Centre and longest side (1 if it is zero) of the box that contains the middle 90 % of the
 /// centres along each axis, world units.
-pub(crate) fn trimmed_box(scenes: &[&Rows]) -> ([f64; 3], f64) {
+pub(crate) fn trimmed_box(scenes: &[&SceneRows]) -> ([f64; 3], f64) {
     let mut origin = [0.0; 3];
     let (mut robust, mut full) = (0.0_f64, 0.0_f64);
     for axis in 0..3 {

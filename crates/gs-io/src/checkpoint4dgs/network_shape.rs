@@ -1,9 +1,9 @@
-//! [`Shape`] of a deformation network.
+//! [`NetworkShape`]: the shape of a deformation network.
 
 /// Properties of the network inferred from the shapes of the tensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "independent facts about a file")]
-pub(super) struct Shape {
+pub(super) struct NetworkShape {
     pub(super) width: usize,
     pub(super) channels: usize,
     pub(super) levels: usize,

@@ -41,12 +41,14 @@ pub enum FitError {
         /// Views with a mask.
         views: usize,
     },
-    /// Nothing to compare: too few patches of 7×7 pixels.
-    #[error("{what} has too few patches of 7×7 pixels")]
-    NoPatches {
-        /// `the picture` or `the selection`.
-        what: &'static str,
-    },
+    /// The picture of a style is too small, or has too few opaque pixels.
+    #[error("the picture has too few patches of 7×7 opaque pixels")]
+    SmallPicture,
+    /// Nothing that is selected and visible can show the patterns of a style.
+    #[error(
+        "the selection has too few patches of 7×7 pixels with splats small enough to show patterns"
+    )]
+    BroadSplats,
     /// An option is out of range.
     #[error("{name} is {found}, expected {expected}")]
     Option {

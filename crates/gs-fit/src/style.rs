@@ -256,7 +256,7 @@ impl<'a, R: Rasterizer> StyleRun<'a, R> {
             picture = picture.halved();
         }
         if targets[0].is_none() {
-            return Err(FitError::NoPatches { what: "the picture" });
+            return Err(FitError::SmallPicture);
         }
         let mut prepared = raster.unprepared(cameras.first().ok_or(FitError::NoPictures)?)?;
         let mut views = Vec::new();
@@ -265,7 +265,7 @@ impl<'a, R: Rasterizer> StyleRun<'a, R> {
         }
         views.retain(|view| view.corners.iter().any(|corners| !corners.is_empty()));
         if views.is_empty() {
-            return Err(FitError::NoPatches { what: "the selection" });
+            return Err(FitError::BroadSplats);
         }
         let changes = vec![0.0; 3 * splats.len()];
         Ok(Self { raster, prepared, splats, views, palette, targets, changes })

@@ -85,7 +85,7 @@ fn unusable_inputs_are_errors() {
         styled(splats, selected, cameras, style, 2).unwrap_err().to_string()
     };
     assert!(error(&all, &[], &style).contains("no pictures"), "no cameras");
-    assert!(error(&all, &cameras, &stripes(8, 8)).contains("the picture has too few"), "tiny");
+    assert!(error(&all, &cameras, &stripes(8, 8)).contains("picture has too few"), "tiny");
     let mut transparent = style.clone();
     transparent.data.chunks_exact_mut(4).for_each(|pixel| pixel[3] = 0.0);
     assert!(error(&all, &cameras, &transparent).contains("the picture has too few"), "no pixel");

@@ -109,7 +109,7 @@ fn invalid_configurations_are_refused() {
         ("lambda = 3", "unknown field `lambda`"),
         ("[transport]\nlambda_0 = 0.1", "unknown field `lambda_0`"),
         ("[anchors]\nk = -1", "k = -1"),
-        ("[anchors]\nk = 65", "k is 65"),
+        ("[anchors]\nk = 65", "`k` is 65"),
         ("[anchors]\nk = 1.5", "k = 1.5"),
         ("[anchors]\nsampling = \"random\"", "random"),
         ("[anchors]\nradius_rule = \"fixed\"", "radius"),

@@ -188,7 +188,7 @@ fn damaged_records_of_surfaces_are_refused() {
     broken[at..at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
     std::fs::write(&file, broken).unwrap();
     let stderr = failure(&mut c4d(["info", text(&setup.at("run"))]), 3);
-    assert!(stderr.contains("scene.c4d") && stderr.contains("descendants"), "{stderr}");
+    assert!(stderr.contains("scene.c4d") && stderr.contains("rows of kind Descendant"), "{stderr}");
     std::fs::write(&file, bytes).unwrap();
     let config = config.replace("follow = \"surface\"", "follow = \"water\"");
     let path = setup.at("other.toml");

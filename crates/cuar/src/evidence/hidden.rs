@@ -57,16 +57,11 @@ impl Hidden {
         let on_edited = |i: &usize| by_seen[*i].is_some_and(|[changed, gone]| changed + gone > 0.5);
         let errors = of_changed.iter().copied().filter(on_edited).map(|i| (error_of[i], weight(i)));
         let has_meaningless = are_meaningless(errors.collect(), supervised_error);
-        // Pictures also change splats that they show a little of, and move and add splats, some of
-        // which are then hidden by others. Only an edit in 3D changes, in place, what none shows.
-        let hidden_in_place = |&&i: &&usize| {
-            supervision[i] <= 0.0
-                && frame.source_rows[i].is_some()
-                && by_seen[i].is_some_and(|[changed, _]| changed > 0.5)
+        let is_hidden = |&i: &usize| {
+            supervision[i] <= 0.0 && by_seen[i].is_some_and(|[changed, _]| changed > 0.5)
         };
-        let all = rows.iter().filter(hidden_in_place).count();
-        let reached = rows.iter().filter(hidden_in_place).filter(|&&i| changed[i]).count();
-        let is_reached = !has_meaningless && 2 * reached > all;
+        let hidden: Vec<usize> = rows.iter().copied().filter(is_hidden).collect();
+        let is_reached = !has_meaningless && is_reached(&hidden, changed, frame.source_rows);
         let color = |&i: &usize| {
             if !changed[i] {
                 HiddenColor::Old
@@ -115,5 +110,35 @@ impl Hidden {
             })
         };
         self.open().filter(is_ambiguous).count()
+    }
+}
+
+/// Whether the edit changed most of these `hidden` rows: an edit in 3D. An edit in pictures leaves
+/// those that no picture shows, but moves and adds others that are then hidden; so only rows with
+/// the geometry of a source splat count, unless these are fewer than a quarter.
+fn is_reached(hidden: &[usize], changed: &[bool], source_rows: &[Option<u32>]) -> bool {
+    let mut counted: Vec<usize> =
+        hidden.iter().copied().filter(|&i| source_rows[i].is_some()).collect();
+    if 4 * counted.len() < hidden.len() {
+        counted = hidden.to_vec();
+    }
+    2 * counted.iter().filter(|&&i| changed[i]).count() > counted.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moved_splats_count_only_if_there_are_few_others() {
+        let hidden: Vec<usize> = (0..12).collect();
+        let changed: Vec<bool> = (0..12).map(|i| i >= 4).collect();
+        let in_place = |count: usize| -> Vec<Option<u32>> {
+            (0..12).map(|i| (i < count).then_some(7)).collect()
+        };
+        assert!(!is_reached(&hidden, &changed, &in_place(5)), "4 of 5 in place are unchanged");
+        assert!(is_reached(&hidden, &changed, &in_place(2)), "8 of 12 are changed");
+        assert!(is_reached(&hidden, &changed, &in_place(12)), "all in place");
+        assert!(!is_reached(&[], &changed, &in_place(12)), "none");
     }
 }

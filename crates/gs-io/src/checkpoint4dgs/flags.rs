@@ -101,7 +101,7 @@ fn resolve_grid_pe(
     };
     match (shape.encoded, value) {
         (true, 0) => {
-            return Err("its trunk expects encoded features, which contradicts grid_pe = 0; give \
+            return Err("its trunk expects encoded features, which contradicts grid_pe = 0; pass \
                        grid_pe (2 or more, as in training)"
                 .to_owned());
         }

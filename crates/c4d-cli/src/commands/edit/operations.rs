@@ -150,7 +150,7 @@ fn edit_failure(error: &EditError) -> Failure {
             device::failure(error)
         }
         EditError::Style { .. } => Failure::bad_input(text).next(
-            "Use a picture of at least 64×64 opaque pixels, and a selection that is visible; --preview LOOK.png shows it.",
+            "Use a picture of at least 64×64 opaque pixels, and a larger selection; --match-colors IMAGE --sliced transfers colours only, also to broad splats.",
         ),
         EditError::Splats(_) => Failure::bad_input(text).next(INPUTS),
         _ => Failure::failed(text),

@@ -80,7 +80,7 @@ impl MovedGroup {
         let rotation = fit.rotation(ROTATION_WEIGHT);
         let motion = Similarity {
             scale: 1.0,
-            rotation: rotation,
+            rotation,
             mirrored: false,
             translation: fit.apply(rotation, [0.0; 3]),
         };

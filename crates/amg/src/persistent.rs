@@ -272,7 +272,7 @@ impl PersistentSplats {
                 let rotation = fit.rotation(0.0);
                 let motion = Similarity {
                     scale: 1.0,
-                    rotation: rotation,
+                    rotation,
                     mirrored: false,
                     translation: fit.apply(rotation, [0.0; 3]),
                 };

@@ -5,7 +5,7 @@
 //! directions in patch space, the mean squared difference of the sorted projections (Rabin et al.
 //! 2011, for textures; Elnekave and Weiss 2022, with patches of raw pixels).
 
-use gs_core::{Image, SplitMix64, standard_normal};
+use gs_core::{Image, Real, SplitMix64, standard_normal};
 use rayon::prelude::*;
 
 /// Maximum number of patches drawn per image.
@@ -235,7 +235,7 @@ fn differences(values: &[f32], mut target: Vec<f32>) -> (f64, Vec<f32>) {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index")]
         let below = position as usize;
         let above = (below + 1).min(target.len() - 1);
-        let share = (position - below as f64) as f32;
+        let share = (position - below as f64).as_f32();
         let expected = target[below] + share * (target[above] - target[below]);
         let difference = values[row as usize] - expected;
         differences[row as usize] = difference;

@@ -16,7 +16,7 @@ fn scene() -> SynthScene {
 /// Diagonal stripes of two colours, 8 pixels wide, with coverage.
 fn stripes(width: usize, height: usize) -> Image {
     let pixel = |p: usize| {
-        let dark = (p % width + p / width) / 8 % 2 == 0;
+        let dark = ((p % width + p / width) / 8).is_multiple_of(2);
         if dark { [0.1, 0.1, 0.4, 1.0] } else { [0.9, 0.8, 0.3, 1.0] }
     };
     let data = (0..width * height).flat_map(pixel).collect();

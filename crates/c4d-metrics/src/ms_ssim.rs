@@ -1,6 +1,6 @@
 //! Structural similarity at multiple scales.
 
-use crate::{Ssim, SsimBorder};
+use crate::{Ssim, SsimBorder, halved};
 use gs_core::Image;
 
 /// Exponents of the five scales, finest first (Wang, Simoncelli and Bovik 2003).
@@ -20,9 +20,10 @@ pub fn ms_ssim(image: &Image, reference: &Image) -> Option<f64> {
         return None;
     }
     let values = (0..channels).map(|c| {
-        let plane = |image: &Image| ImagePlane {
+        let plane = |image: &Image| Image {
             width,
             height,
+            channels: 1,
             data: image.data.iter().skip(c).step_by(channels).copied().collect(),
         };
         of_plane(plane(image), plane(reference))
@@ -30,13 +31,7 @@ pub fn ms_ssim(image: &Image, reference: &Image) -> Option<f64> {
     Some(values.sum::<f64>() / channels.max(1) as f64)
 }
 
-struct ImagePlane {
-    width: usize,
-    height: usize,
-    data: Vec<f32>,
-}
-
-fn of_plane(mut x: ImagePlane, mut y: ImagePlane) -> f64 {
+fn of_plane(mut x: Image, mut y: Image) -> f64 {
     let mut value = 1.0;
     for (scale, weight) in MS_SSIM_WEIGHTS.into_iter().enumerate() {
         let mut ssim = Ssim::<f32>::new(x.width, x.height, 1);
@@ -49,15 +44,4 @@ fn of_plane(mut x: ImagePlane, mut y: ImagePlane) -> f64 {
         (x, y) = (halved(&x), halved(&y));
     }
     value
-}
-
-fn halved(plane: &ImagePlane) -> ImagePlane {
-    let (width, height) = (plane.width / 2, plane.height / 2);
-    let at = |x: usize, y: usize| plane.data[y * plane.width + x];
-    let mean = |x: usize, y: usize| {
-        (at(2 * x, 2 * y) + at(2 * x + 1, 2 * y) + at(2 * x, 2 * y + 1) + at(2 * x + 1, 2 * y + 1))
-            / 4.0
-    };
-    let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| mean(x, y));
-    ImagePlane { width, height, data: data.collect() }
 }

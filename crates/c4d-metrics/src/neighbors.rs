@@ -1,7 +1,7 @@
 //! [`PointNeighbors`]: nearest neighbours within a point cloud.
 //!
-//! Uses `kiddo`, not `anchors`: these metrics measure methods that use the search of `anchors`, whose
-//! errors must not cancel in the comparison.
+//! Uses `kiddo`, not `anchors`: these metrics measure methods that use the search of `anchors`,
+//! whose errors must not cancel in the comparison.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -10,8 +10,8 @@ use std::num::NonZero;
 /// Nearest neighbours of each point of a cloud, by Euclidean distance.
 #[derive(Debug, Clone, Default)]
 pub struct PointNeighbors {
-    /// Rows of the neighbours, `[N]` lists of at most the requested number, nearest first, without the
-    /// point itself.
+    /// Rows of the neighbours, `[N]` lists of at most the requested number, nearest first, without
+    /// the point itself.
     of: Vec<Vec<u32>>,
 }
 
@@ -43,8 +43,8 @@ impl PointNeighbors {
     }
 }
 
-/// Row of the nearest of `among` for each of `points`, `[N]`, by Euclidean distance. `None` if `among`
-/// is empty or cannot be indexed.
+/// Row of the nearest of `among` for each of `points`, `[N]`, by Euclidean distance. `None` if
+/// `among` is empty or cannot be indexed.
 pub fn nearest(points: &[[f32; 3]], among: &[[f32; 3]]) -> Option<Vec<u32>> {
     let tree = ImmutableKdTree::<f32, 3>::new_from_slice(among).ok()?;
     let one = NonZero::new(1).filter(|_| !among.is_empty())?;

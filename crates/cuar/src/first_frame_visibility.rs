@@ -7,7 +7,7 @@
 use crate::CuarError;
 use gs_core::{
     Camera, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, UpstreamGrads,
-    unoccluded_weight,
+    visible_share,
 };
 use rayon::prelude::*;
 
@@ -36,20 +36,6 @@ fn visibility(splats: &Splats, weights: &[f32], camera: &Camera, enough: f32) ->
         .with_min_len(1024)
         .map(|(i, &weight)| visible_share(splats, i, weight, camera, enough))
         .collect()
-}
-
-/// [`visibility`] of splat `i`.
-pub(crate) fn visible_share(
-    splats: &Splats,
-    i: usize,
-    weight: f32,
-    camera: &Camera,
-    enough: f32,
-) -> f32 {
-    let whole = f64::from(enough) * unoccluded_weight(splats, i, camera);
-    #[expect(clippy::cast_possible_truncation, reason = "a share of 0 to 1")]
-    let shown = (f64::from(weight) / whole).min(1.0) as f32;
-    if shown.is_finite() { shown } else { 0.0 }
 }
 
 /// Visibility of each splat of frame 1, `[N]` in [0, 1]: the largest share of its unoccluded weight
@@ -124,7 +110,7 @@ fn is_in_front(output: &RenderOutput, camera: &Camera, (place, radius): ([f32; 3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gs_core::sh;
+    use gs_core::{sh, unoccluded_weight};
     use gs_raster_cpu::CpuRasterizer;
 
     /// A red splat, a green one a little behind it, and one far to the side.

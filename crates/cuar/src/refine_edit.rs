@@ -63,8 +63,9 @@ pub fn refine_edit<R: Rasterizer<Prepared: Send> + Sync>(
 
 /// Makes the `share` of the supervised images of [`refine_edit`] and passes each to
 /// [`RefineObserver::store_image`]; `share` receives their number and returns a range of it. A
-/// refinement whose observer returns these images from [`RefineObserver::stored_image`] has the same
-/// result as one that makes them itself. Returns the number of images of all shares, 0 if no colour is uncertain.
+/// refinement whose observer returns these images from [`RefineObserver::stored_image`] has the
+/// same result as one that makes them itself. Returns the number of images of all shares, 0 if no
+/// colour is uncertain.
 ///
 /// # Errors
 /// As [`refine_edit`].

@@ -2,11 +2,10 @@
 
 use crate::{
     RefineOptions,
-    first_frame_visibility::visible_share,
     flow::affine_motion,
     warp::{FirstFrame, WARP_CHANNELS},
 };
-use gs_core::{Camera, Splats};
+use gs_core::{Camera, Splats, visible_share};
 use rayon::prelude::*;
 
 /// Inputs of samples.

@@ -40,7 +40,7 @@ pub use fnv1a::Fnv1a;
 pub use footprint::Footprint;
 pub use image::{Image, ImageError};
 pub use precision::{Precision, RowPrecision};
-pub use projected_weight::{projected_axes, unoccluded_weight};
+pub use projected_weight::{projected_axes, unoccluded_weight, visible_share};
 pub use quantile::{median, nearest_rank, quantile, weighted_quantile};
 pub use random::{SplitMix64, standard_normal};
 pub use raster::{

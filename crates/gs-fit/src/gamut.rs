@@ -7,7 +7,7 @@ use gs_core::symmetric_eigen;
 pub(crate) struct Gamut {
     /// Unit vectors.
     axes: [[f32; 3]; 3],
-    /// Least and greatest coordinate along each axis.
+    /// Smallest and largest coordinate along each axis.
     range: [[f32; 2]; 3],
 }
 

@@ -5,6 +5,7 @@
 //! directions in patch space, the mean squared difference of the sorted projections (Rabin et al.
 //! 2011, for textures; Elnekave and Weiss 2022, with patches of raw pixels).
 
+use c4d_metrics::{halved, pixels_under};
 use gs_core::{Image, Real, SplitMix64, standard_normal};
 use rayon::prelude::*;
 
@@ -29,10 +30,7 @@ impl MaskedImage {
     pub(crate) fn halved(&self) -> Self {
         let image = halved(&self.image);
         let mask = (0..image.width * image.height)
-            .map(|p| {
-                let corner = corner(p, image.width, self.image.width);
-                corner.iter().all(|&q| self.mask[q])
-            })
+            .map(|p| pixels_under(p, image.width, self.image.width).iter().all(|&q| self.mask[q]))
             .collect();
         Self { image, mask }
     }
@@ -59,38 +57,6 @@ impl MaskedImage {
         }
         corners.reverse();
         corners
-    }
-}
-
-/// The four pixels of the larger image under pixel `p` of the smaller one.
-fn corner(p: usize, small: usize, large: usize) -> [usize; 4] {
-    let first = 2 * (p / small) * large + 2 * (p % small);
-    [first, first + 1, first + large, first + large + 1]
-}
-
-/// Means of 2×2 pixels; an odd last row or column is dropped.
-pub(crate) fn halved(image: &Image) -> Image {
-    let (width, height, channels) = (image.width / 2, image.height / 2, image.channels);
-    let mut small = Image::zeros(width, height, channels);
-    for p in 0..width * height {
-        let pixels = corner(p, width, image.width);
-        for c in 0..channels {
-            let sum: f32 = pixels.iter().map(|&q| image.data[q * channels + c]).sum();
-            small.data[p * channels + c] = 0.25 * sum;
-        }
-    }
-    small
-}
-
-/// Adds the adjoint of [`halved`]: the gradient with respect to the larger image.
-pub(crate) fn add_halved_adjoint(v_small: &Image, v_large: &mut Image) {
-    let channels = v_small.channels;
-    for p in 0..v_small.width * v_small.height {
-        for q in corner(p, v_small.width, v_large.width) {
-            for c in 0..channels {
-                v_large.data[q * channels + c] += 0.25 * v_small.data[p * channels + c];
-            }
-        }
     }
 }
 
@@ -208,9 +174,14 @@ impl PatchStatistics {
     }
 }
 
+/// A uniform number in `[0, 1)`.
+fn uniform(random: &mut SplitMix64) -> f32 {
+    (random.next_u64() >> 40) as f32 / (1_u32 << 24) as f32
+}
+
 /// A random unit vector.
 fn direction(len: usize, random: &mut SplitMix64) -> Vec<f32> {
-    let mut uniform = || (random.next_u64() >> 40) as f32 / (1_u32 << 24) as f32;
+    let mut uniform = || uniform(random);
     let mut direction: Vec<f32> = (0..len).map(|_| standard_normal(uniform(), uniform())).collect();
     let norm = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
     for value in &mut direction {
@@ -253,7 +224,7 @@ mod tests {
         let mut image = Image::zeros(width, height, 3);
         for (i, value) in image.data.iter_mut().enumerate() {
             let stripe = f32::from(u8::from((i / 3 % width) % period < period / 2));
-            *value = 0.6 * stripe + 0.4 * (random.next_u64() >> 40) as f32 / (1_u32 << 24) as f32;
+            *value = 0.6 * stripe + 0.4 * uniform(&mut random);
         }
         MaskedImage { image, mask: vec![true; width * height] }
     }
@@ -298,17 +269,5 @@ mod tests {
         let expected: Vec<u32> = (5..=9).flat_map(|y| (0..=2).map(move |x| y * 20 + x)).collect();
         assert_eq!(corners, expected);
         assert!(MaskedImage { mask: vec![false; 320], ..image }.patch_corners(7).is_empty());
-    }
-
-    #[test]
-    fn halving_has_its_adjoint() {
-        let large = noise(9, 7, 1, 3).image;
-        let v_small = noise(4, 3, 2, 3).image;
-        let mut v_large = Image::zeros(9, 7, 3);
-        add_halved_adjoint(&v_small, &mut v_large);
-        let dot =
-            |a: &Image, b: &Image| a.data.iter().zip(&b.data).map(|(a, b)| a * b).sum::<f32>();
-        let (left, right) = (dot(&halved(&large), &v_small), dot(&large, &v_large));
-        assert!((left - right).abs() < 1e-5, "{left} {right}");
     }
 }

@@ -3,7 +3,8 @@
 use crate::adam::Adam;
 use crate::error::FitError;
 use crate::gamut::Gamut;
-use crate::patch_statistics::{MaskedImage, PatchStatistics, add_halved_adjoint, halved};
+use crate::patch_statistics::{MaskedImage, PatchStatistics};
+use c4d_metrics::{add_halved_adjoint, halved};
 use gs_core::{
     Camera, Image, Rasterizer, RenderGrads, RenderOutput, RenderParams, Splats, SplitMix64,
     UpstreamGrads, sh,
@@ -57,7 +58,7 @@ pub struct StyleFit {
 /// renders from `cameras` at four image sizes, have the distribution of those of `style`.
 ///
 /// `style` has three channels, or four with coverage, 0 to 1. Scale it to the size of the views if
-/// its patterns shall be as large in a view as in the picture. Geometry, opacities, bands of degree
+/// its patterns are to be as large in a view as in the picture. Geometry, opacities, bands of degree
 /// 1 and above, and other splats are unchanged. Distributions are compared by the sliced
 /// Wasserstein distance, where splats are small enough to show patches; another term keeps the
 /// colours of the start at an eighth of the resolution, and colours stay in the range of those of
@@ -150,8 +151,8 @@ fn pyramid(image: Image) -> Vec<Image> {
     levels
 }
 
-/// The second largest standard deviation of each splat in the image, pixels: larger at 0 distance
-/// than any patch.
+/// The second largest standard deviation of each splat at its distance from the camera, pixels,
+/// `[N]`; at most 10⁴.
 fn widths(splats: &Splats, camera: &Camera) -> Vec<f32> {
     let eye = camera.position();
     let focal = camera.intrinsics.fx.max(camera.intrinsics.fy);

@@ -2,9 +2,9 @@
 
 use crate::FitError;
 use gs_core::{
-    Camera, Rasterizer, Real, RenderGrads, Splats, UpstreamGrads, unoccluded_weight,
-    weighted_quantile,
+    Camera, Rasterizer, RenderGrads, Splats, UpstreamGrads, visible_share, weighted_quantile,
 };
+use rayon::prelude::*;
 
 /// Minimum sum over all views, pixels, of a splat that counts as visible.
 pub(crate) const MIN_SEEN: f32 = 1e-3;
@@ -25,8 +25,9 @@ pub struct Votes {
 impl Votes {
     /// Minimum sum in a view that counts as showing the splat, pixels.
     pub const NOTICEABLE: f32 = 0.02;
-    /// Visible share below which a splat counts as hidden: pictures do not constrain it. The
-    /// default below which the refinement of `cuar` repairs splats.
+    /// Visible share below which a splat counts as hidden: pictures do not constrain it. Also the
+    /// default below which `cuar` takes a splat as hidden in frame 1, so that it repairs what a fit
+    /// leaves.
     pub const HIDDEN: f32 = 0.1;
 
     /// Votes of the given views and masks (`[H,W]`).
@@ -61,11 +62,13 @@ impl Votes {
                 votes.seen[i] += sum[0];
                 votes.masked[i] += sum[1];
                 votes.views[i] += u16::from(sum[1] > Self::NOTICEABLE);
-                if sum[0] > 0.0 {
-                    let share = f64::from(sum[0]) / unoccluded_weight(splats, i, camera);
-                    votes.shown[i] = votes.shown[i].max(share.min(1.0).as_f32());
-                }
             }
+            let sums = sums.v_features.as_chunks::<2>().0.par_iter();
+            votes.shown.par_iter_mut().zip(sums).enumerate().for_each(|(i, (shown, sum))| {
+                if sum[0] > 0.0 {
+                    *shown = shown.max(visible_share(splats, i, sum[0], camera, 1.0));
+                }
+            });
         }
         Ok(votes)
     }

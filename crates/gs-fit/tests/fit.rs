@@ -411,3 +411,44 @@ fn invalid_inputs_are_refused() {
     assert!(refused(&good, &bad).contains("reference"), "no such view");
     assert_eq!(scene.num_splats(), start.len(), "one row a splat");
 }
+
+/// Two opaque walls, the second a little behind the first.
+#[test]
+fn splats_that_no_picture_shows_keep_their_bits() {
+    let mut walls = Splats::with_capacity(2 * 400, 0);
+    for (z, rgb) in [(0.0, [0.6, 0.3, 0.3]), (-0.08, [0.3, 0.3, 0.6])] {
+        for i in 0_u8..20 {
+            for j in 0_u8..20 {
+                let at = |k: u8| 0.05 * (f32::from(k) - 9.5);
+                walls.means.push([at(i), at(j), z]);
+                walls.quats.push([1.0, 0.0, 0.0, 0.0]);
+                walls.log_scales.push([-3.2, -3.2, -6.0]);
+                walls.opacity_logits.push(3.0);
+                walls.sh.push(sh::dc_from_rgb(rgb));
+            }
+        }
+    }
+    let cameras: Vec<Camera> = (-2_i8..=2)
+        .map(|i| {
+            let eye = [0.2 * f64::from(i), 0.1 * f64::from(i % 2), 2.0];
+            Camera::look_at(eye, [0.0; 3], [0.0, 1.0, 0.0], 0.5, SIDE, SIDE)
+        })
+        .collect();
+    let mut edited = walls.clone();
+    edited.sh[..400].fill(sh::dc_from_rgb([0.2, 0.7, 0.2]));
+    let options = FitOptions { steps: 60, ..FitOptions::default() };
+    let fitted = run(&walls, &pictures(&cameras, &edited), &options);
+    let (mut hidden, mut recoloured) = (0, 0);
+    for (i, source) in fitted.source_rows.iter().enumerate() {
+        let Some(row) = source.map(|row| row as usize) else { continue };
+        let is_same = fitted.splats.select(&[i]) == walls.select(&[row]);
+        // The edges of the second wall are visible from the side.
+        let inner = walls.means[row][..2].iter().all(|x| x.abs() < 0.3);
+        if row >= 400 && inner {
+            assert!(is_same, "splat {row} behind the first wall");
+            hidden += usize::from(fitted.selected[row]);
+        }
+        recoloured += usize::from(row < 400 && inner && !is_same);
+    }
+    assert!(recoloured > 100 && hidden > 50, "{recoloured} recoloured, {hidden} hidden");
+}

@@ -1,10 +1,9 @@
 //! Seeded dynamic scenes, edits of their first frame, and the true motion of both.
 //!
 //! Contents: [`demo()`], a dancer on a stage; [`apply_edits`], edits of its first frame, and
-//! [`apply_visible_edits()`], the same edits made by an editor that works on images; [`Truth`], the true motion
-//! of every edited splat; [`build`], hard cases; [`build_short_lived`],
-//! cases with short-lived splats; [`motion_error`], the score. Every result is a
-//! function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
+//! [`apply_visible_edits()`], the same edits made by an editor that works on images; [`Truth`], the
+//! true motion of every edited splat; [`build`], hard cases; [`build_short_lived`], cases with
+//! short-lived splats; [`motion_error`], the score. Every result is a function of its seed; at `t = 0` scenes and truths return their frame-1 splats bit for bit.
 //!
 //! Conventions: world units are approximately metres, y is up, a figure stands on y = 0 at the
 //! origin and faces +z (its left is +x); times run over `[0,1]` and frame 1 is `t = 0`; quaternions

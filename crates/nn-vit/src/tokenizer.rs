@@ -56,8 +56,8 @@ impl Tokenizer {
         self.ids.get(symbol).copied().unwrap_or_default()
     }
 
-    /// Token ids of start, text and end, then zeros; a text that is too long is truncated. Unlike in the original
-    /// code, HTML entities and broken Unicode are not repaired.
+    /// Token ids of start, text and end, then zeros; a text that is too long is truncated. Unlike
+    /// in the original code, HTML entities and broken Unicode are not repaired.
     pub fn encode(&self, text: &str) -> [u32; CONTEXT] {
         let mut tokens = [0; CONTEXT];
         tokens[0] = self.id(START_OF_TEXT);

@@ -1,5 +1,7 @@
 //! [`EvidenceParams`].
 
+use gs_fit::votes::Votes;
+
 /// Parameters of [`crate::Evidence`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EvidenceParams {
@@ -27,7 +29,7 @@ pub struct EvidenceParams {
 impl Default for EvidenceParams {
     fn default() -> Self {
         Self {
-            hidden: 0.1,
+            hidden: Votes::HIDDEN,
             supervised: 0.3,
             min_change: 0.02,
             hue_spread: 0.04,

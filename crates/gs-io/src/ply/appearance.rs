@@ -2,8 +2,8 @@
 //!
 //! | columns | written by | interpretation |
 //! |---|---|---|
-//! | `filter_3D` | Mip-Splatting and related methods | s′ = √(s² + f²), o′ = o·Πs/Πs′ on activated values |
-//! | `red green blue` without `f_dc_*` | nerfstudio in RGB mode, converters | degree-0 SH of that colour |
+//! | `filter_3D` | Mip-Splatting | activated: s′ = √(s² + f²), o′ = o·Πs/Πs′ |
+//! | `red green blue` without `f_dc_*` | nerfstudio (RGB), converters | degree-0 SH of that colour |
 //! | no `scale_2` | 2DGS, surfels | a thin disc |
 //! | only `scale_0` | trainers of isotropic splats | a ball |
 //! | `f_rest_*` of degree 4 and above | newer trainers | the coefficients of degree 3 |
